@@ -657,7 +657,11 @@ DAMAGE = {
     "nvm quaternion": in_nvm(5, "a.png 80 0 0 0 0 1 2 3 0 0", "line 5: expected a quaternion"),
     "nvm nan": in_nvm(6, "nan", "line 6: expected a number of at most .* not 'nan'", 7),
     "nvm focal": in_nvm(6, "-1", "line 6: expected a focal length greater than zero", 1),
-    "nvm radial": in_nvm(6, "-1e9", "line 6: expected the radial distortion of a lens, under which", 9),
+    "nvm radial": (
+        "nvm",
+        changed(foreign.nvm(world(), origin=(48.0, 32.0)), 6, "-1e9", 9),
+        "line 6: expected the radial distortion of a lens, under which",
+    ),
     "nvm points": in_nvm(9, "13", "line 22: expected X Y Z R G B, a count and features"),
     "nvm hostile": in_nvm(9, "999999999", "line 9: expected the number of points; 999999999"),
     "nvm views": in_nvm(12, "9", "line 12: expected 9 features of 4 numbers each, not 12", 6),

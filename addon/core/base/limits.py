@@ -22,8 +22,8 @@ ONE_THREAD = {THREADS: "1", OPENCV_THREADS: "1", "LP_NUM_THREADS": "0"}
 more processor time and gain a twentieth of the time. The last is Mesa's software renderer's, which draws in
 a thread beside the caller's with 1: with 0 it takes 4 % less processor time and 50 MB less."""
 MOST_KEPT_DEPTH = 8 << 30
-"""Bytes, where nothing else is said: about an hour of video at 640x360, twelve minutes of a phone's. By
-eye."""
+"""Bytes, where nothing else is said: about an hour of video at 640x360, twelve minutes of a phone's. Chosen
+by inspection."""
 
 
 def threads() -> int:

@@ -23,8 +23,8 @@ MEDIAN_DEPTH = 10.0
 STAYS = 1e-7
 """Share of the points' distance within which cameras are in one place: what is lost by writing them."""
 NEAREST = 1e-6
-"""Share of a frame's median depth nearer than which a point is an error: it would outweigh all the others. By
-eye."""
+"""Share of a frame's median depth nearer than which a point is an error: it would outweigh all the others.
+Chosen by inspection."""
 UNSEEN_TURN = 0.05
 """Pixels by which a rolling shutter moves the border of frames, with less of which they are taken as read at
 once: a fifth of a good solve's errors, and resampling would cost more."""

@@ -31,8 +31,8 @@ less and moves that are meant take more. Chosen by inspection."""
 LONGEST = 3000.0
 """Frames of the longest such period: beyond it the normal equations lose their last digits."""
 MOST_ZOOM = 1.25
-"""By which the picture is enlarged at most, so that its border stays outside: editors crop as much. By
-eye."""
+"""By which the picture is enlarged at most, so that its border stays outside: editors crop as much. Chosen by
+inspection."""
 MOST_PARALLAX = 0.03
 """Of the picture's width, by which near and far things are seen apart from where the clip has them: what
 shows behind them then, frames around have mostly seen. Chosen by inspection."""

@@ -19,7 +19,7 @@ from .source import NO_PICTURE, DepthSource, PixelDepth
 from .sparse import DepthSamples
 from .stereo_depth import ORIGIN, StereoDepth, whole_depth
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection, and checked with `python -m benchmarks.accuracy.completed`.
 REACHES = (0.02, 0.06, 0.2, 0.6)
 """Of the long side: standard deviations of the windows in which scale and shift are fitted."""
 SPARSE = 0.02

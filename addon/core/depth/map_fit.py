@@ -46,8 +46,8 @@ SCORED = 600
 REACH = 4.0
 """Times the residual's scale: what is farther off is wrong. Chosen by inspection."""
 TIGHTEST = 0.005
-"""Of the clip's median inverse depth: how far scale and shift of a frame may always stray from the clip's. By
-eye."""
+"""Of the clip's median inverse depth: how far scale and shift of a frame may always stray from the clip's.
+Chosen by inspection."""
 
 INDEPENDENT = 50
 """Features at most whose errors have nothing in common: a bent map is wrong alike for neighbours. Chosen by

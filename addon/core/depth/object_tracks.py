@@ -22,8 +22,8 @@ SAME_AREA = 1.6
 inspection."""
 
 GAP = 6
-"""Pixels between parts of one object, at most: hair, and fingers that are lost against what is behind. By
-eye."""
+"""Pixels between parts of one object, at most: hair, and fingers that are lost against what is behind. Chosen
+by inspection."""
 
 
 @dataclass(frozen=True)

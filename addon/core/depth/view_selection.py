@@ -14,15 +14,17 @@ SPREAD = 16
 """Photos from which one takes the colours that it does not show, at most. Chosen by inspection."""
 
 
+LEAST_DEPTH_RATIO = 0.1
+"""A place whose depth shrinks below this share on the way to a frame is out of its sight. Chosen by
+inspection."""
+LEAST_OVERLAP = 0.5
+"""Share of the picture that a source view has to see. Chosen by inspection."""
+
+
 @dataclass(frozen=True)
 class SelectionOptions:
     """Which frames can be source views."""
 
-    least_depth_ratio: float = 0.1
-    """A place whose depth shrinks below this share on the way to a frame is out of its sight. Chosen by
-    inspection."""
-    least_overlap: float = 0.5
-    """Share of the picture that a source view has to see. Chosen by inspection."""
     frame_penalty: float = 0.005
     """How much worse a frame is for each frame of distance in time, in logarithms of its parallax. Chosen by
     inspection."""
@@ -154,11 +156,11 @@ def _parallax(
     rotation, translation = relative_pose(image, other)
     far, near, middle = (rays @ rotation.T + inverse * translation for inverse in (*span, sum(span) / 2))
     nearest = min(places[:, 2].min() for places in (far, near, middle))
-    if not np.isfinite(nearest) or nearest < options.least_depth_ratio:
+    if not np.isfinite(nearest) or nearest < LEAST_DEPTH_RATIO:
         return None
     inside = np.all(
         (camera.project(middle) >= 0) & (camera.project(middle) <= [camera.width, camera.height]), axis=1
     )
-    if inside.mean() < options.least_overlap:
+    if inside.mean() < LEAST_OVERLAP:
         return None
     return float(np.median(np.linalg.norm(camera.project(far) - camera.project(near), axis=1)))

@@ -22,8 +22,8 @@ surface under the click by: chosen by inspection, at silhouettes of the sample c
 SOFTENING = 2.0
 """Pixels from the click within which features count alike: about their accuracy."""
 FRONTAL = 0.1
-"""Weight of a surface that faces the camera against what features around the click tell of its tilt: by
-eye, where features lie in a row."""
+"""Weight of a surface that faces the camera against what features around the click tell of its tilt: chosen
+by inspection, where features lie in a row."""
 
 
 def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focus:

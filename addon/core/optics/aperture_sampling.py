@@ -10,8 +10,8 @@ from ..base.arrays import Floats
 from ..base.errors import UserError
 
 MIN_VIEWS, MAX_VIEWS = 16, 512
-"""Bounds of the automatic number of views: fewer show as copies of highlights, more are not told apart. By
-eye."""
+"""Bounds of the automatic number of views: fewer show as copies of highlights, more are not told apart.
+Chosen by inspection."""
 LEAST_PREFILTERED = 8
 """Of the automatic number with a prefiltered texture, where highlights have no copies. Chosen by
 inspection."""

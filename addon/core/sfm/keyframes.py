@@ -24,7 +24,7 @@ THREADS = 1
 """Number of pycolmap's threads. With more, the order in which pairs are stored and sums are added up is
 whatever thread was faster, and the same clip gives one model today and another tomorrow."""
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection of solved clips.
 LEAST = 40
 """Keyframes at least, of a clip that has as many frames."""
 STEP = 0.06

@@ -21,7 +21,7 @@ Numbers = NDArray[np.int64]
 
 Detector = Callable[[Bytes, Places], Places]
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Cells of a frame. Chosen by inspection of tracks.
 CELLS = 36
 """Cells along the frame's long side, each of which is kept filled with points."""
 AROUND = 2
@@ -31,7 +31,7 @@ MIN_NEIGHBOURS = 6
 SAME_MOTION = 0.3
 """Share of its own motion by which a point may always move otherwise than its neighbours."""
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Corners and the optical flow that follows them. Chosen by inspection of tracks.
 MAX_ROUND_TRIP = 0.5
 """Pixels between a point and where flow there and back puts it, at most."""
 WINDOW = (9, 9)

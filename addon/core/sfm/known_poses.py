@@ -23,6 +23,7 @@ from . import solution
 from .solution import LARGEST_ERROR, MIN_POINTS, MIN_VIEWS, Solution
 from .tracks import Progress, Tracks
 
+# Pixels are those of a 1,000-pixel frame.
 PAIRS = 24
 """Pairs of frames that are looked at. Chosen by inspection."""
 MOST_SHARED = 200

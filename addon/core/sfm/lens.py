@@ -40,7 +40,8 @@ K1, K2, ACROSS, DOWN = 2, 3, 4, 5
 PINHOLE = np.zeros(len(SIGMA))
 """Those of a camera that neither bends nor reads its picture bit by bit."""
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection of clips with true lenses and of real ones where no line below gives a measurement
+# (`make bench-solve`).
 COMPARED = CalibrationOptions(longest=800, longest_in_frame=30)
 """Which tracks tell it."""
 MIN_TRACKS = 60

@@ -34,7 +34,7 @@ from .tracks import Progress
 
 MODEL = "SIMPLE_RADIAL"
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection of solved photos where no line below gives a measurement.
 START_FOCAL = 0.85
 """Focal length to begin with where nothing tells it, in long sides of the photo: a phone's main camera.
 Wide angles correct it."""

@@ -22,7 +22,7 @@ from ..media.picture_file import Pixels
 from .sift import Descriptors, keypoints, make_sift, matched
 from .tracks import Progress
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection of solved photos.
 LONG_SIDE = 1600
 """Pixels of the longer side; larger photos are shrunk for their features."""
 FEATURES = 4000

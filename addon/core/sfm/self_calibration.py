@@ -12,7 +12,7 @@ from .small_motion import agreement, select_observations
 from .solution import MIN_VIEWS, Solution
 from .tracks import Tracks
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection of solved clips where no line below gives a measurement.
 UNMODELLED = 2.0
 """Factor by which errors of focal lengths on clips with truth exceed what the covariance says of them,
 which knows nothing of occlusions and highlights (`make bench-solve`)."""

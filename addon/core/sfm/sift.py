@@ -19,7 +19,7 @@ from .template_tracking import Patches, Rows
 
 Descriptors = NDArray[np.float32]
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection of tracks where no line below names a paper.
 CONTRAST = 0.01
 """Contrast of a keypoint at least, of 1; a quarter of OpenCV's default: weak regions must have some."""
 PER_CELL = 3

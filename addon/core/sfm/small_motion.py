@@ -19,7 +19,7 @@ from .bundle_adjustment import Adjusted, Bundle, Observations, adjust
 from .degeneracy import kabsch
 from .tracks import Tracks
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection of solved clips.
 MIN_SHARE = 0.4
 """Share of the keyframes in which a track must be seen."""
 MIN_VIEWS = 4

@@ -11,7 +11,7 @@ from ..base.arrays import Floats, Ints, Mask
 from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, outermost_angles
 from .tracks import Progress, Tracks
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection of solved clips.
 LARGEST_ERROR = 2.0
 """Reprojection error of a kept observation at most, in pixels of a 1,000-pixel frame."""
 CLOSE = 0.25

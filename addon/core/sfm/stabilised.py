@@ -23,7 +23,7 @@ from .bundle_adjustment import Observations
 from .small_motion import long_tracks
 from .solution import CLOSE, Solution
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection of solved clips.
 ROUNDS = 40
 """Rounds of alternating least squares."""
 MIN_TRACKS = 40

@@ -21,6 +21,7 @@ from .small_motion import LongTracks, general_motion, robust_turn, rotation_only
 from .solution import Solution
 from .tracks import Tracks
 
+# Lengths are in pixels of a 1,000-pixel frame.
 COMPARED = CalibrationOptions(longest=300, longest_in_frame=12)
 """Which tracks are compared."""
 MIN_TRACKS = 40

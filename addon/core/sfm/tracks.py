@@ -34,7 +34,7 @@ Watch = Callable[[Pixels, Floats], None]
 """Called with each frame (H, W, 3 or 4) as stored and places (n, 2) of its features, as fractions of its
 size."""
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection of tracks.
 LONG_SIDE = 960
 """Pixels of the longer side; larger frames are shrunk for tracking."""
 SHORT_SIDE = 16

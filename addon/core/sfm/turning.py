@@ -18,7 +18,7 @@ from .small_motion import LongTracks, robust_turn, rotation_only, select_observa
 from .solution import MIN_POINTS, Solution
 from .tracks import Progress, Tracks
 
-# Chosen by inspection of results, unless a line below gives a measurement.
+# Chosen by inspection of solved clips.
 KEYS = 60
 """Frames that are adjusted at once; the others follow from their points."""
 IN_FRAME = 40

