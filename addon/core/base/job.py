@@ -129,7 +129,7 @@ class Job:
         if self._listening is not None:
             self._listening.join(seconds)
 
-    def leave(self, then: Callable[[], object] = lambda: None) -> None:
+    def leave(self, then: Callable[[], object] | None = None) -> None:
         """End the process, without waiting for that, and call `then` in a thread once it has ended. Harmless
         where it is not running."""
         if self.is_running:
@@ -164,13 +164,15 @@ def end(jobs: Sequence[Job], patience: float = PATIENCE) -> None:
             process.wait()
 
 
-def end_meanwhile(jobs: Sequence[Job], then: Callable[[], object]) -> threading.Thread:
-    """`end` processes in a thread, which is returned, and call `then` there once they have ended."""
+def end_meanwhile(jobs: Sequence[Job], then: Callable[[], object] | None) -> threading.Thread:
+    """`end` processes in a thread, which is returned, and call `then` there once they have ended. Blender's
+    own end waits for `then`."""
 
     def leave() -> None:
         end(jobs)
-        then()
+        if then is not None:
+            then()
 
-    leaving = threading.Thread(target=leave)
+    leaving = threading.Thread(target=leave, daemon=then is None)
     leaving.start()
     return leaving
