@@ -125,7 +125,7 @@ def test_the_first_sound_that_can_be_decoded_is_the_movies(scene: bpy.types.Scen
 def test_a_sound_that_cannot_be_decoded_is_named(scene: bpy.types.Scene, tmp_path: Path) -> None:
     path = with_unknown_sound(encoded(tmp_path / "a.mp4", [[corners()] * 25], sounds=(440.0,)))
     (note,) = open_footage(path).notes
-    assert "(apac) cannot be decoded: movies are silent" in note
+    assert "(apple_apac) cannot be decoded: movies are silent" in note
     with av.open(str(joined(scene, path, tmp_path / "movie.mp4"))) as movie:
         assert not movie.streams.audio
 
