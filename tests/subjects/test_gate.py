@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,19 +15,19 @@ from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.frame.clip_context import no_picture
 from addon.core.subjects import gate
-from addon.core.subjects.found import FoundSubjects
+from addon.core.subjects.clip_subjects import OBJECTS, ClipSubjects
+from addon.core.subjects.networks import Networks
+from addon.core.subjects.objects import groups
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 
 from . import walls
-from .walls import FRAMES, HEIGHT, WIDTH, disc, filmed, moving, overlap, place
+from .walls import FRAMES, HEIGHT, WIDTH, disc, filmed, moving, place
 
 
 def test_a_pole_that_the_border_cuts_in_a_few_frames_is_no_subject() -> None:
     """Other frames show the wall there, so that all of it seems to move."""
     clip, frame = filmed(walls.with_pole), 3
     assert not moving(clip, frame).any()
-    surely = filmed(walls.with_pole, is_sure=True)
-    assert overlap(moving(surely, frame), walls.pole(frame)) > 0.9
 
 
 def test_depth_of_a_still_clip_equals_that_without_subjects() -> None:
@@ -35,14 +36,14 @@ def test_depth_of_a_still_clip_equals_that_without_subjects() -> None:
     without, found = TemporalFusion(clip.reconstruction, alone).at(frame), clip.stereo.at(frame)
     for part in ("inverse_depth", "confidence", "moving"):
         np.testing.assert_array_equal(getattr(found, part), getattr(without, part))
-    assert clip.left_out(frame) is None
+    assert clip.moving(frame) is None
 
 
 def test_a_marked_subject_is_carried_where_no_subjects_are_found() -> None:
     x, y = 90 / WIDTH, 60 / HEIGHT
     stroke = Stroke(16, ((x, y), (x + 0.05, y + 0.1)))
     marked = replace(filmed(walls.still), marked=(MarkedSubject("wall", (stroke,)),))
-    assert moving(marked, 16).any() and not marked.subjects.is_sure
+    assert moving(marked, 16).any()
 
 
 def test_masks_count_where_no_subjects_are_found() -> None:
@@ -50,22 +51,51 @@ def test_masks_count_where_no_subjects_are_found() -> None:
     np.testing.assert_array_equal(moving(said, 9), disc(9))
 
 
-def test_the_decision_is_stored(tmp_path: Path) -> None:
-    clip, store = filmed(walls.with_disc), DepthStore(tmp_path, lambda: "a")
-    assert FoundSubjects(clip.reconstruction, clip.read, store=store).is_sure
-    # The decision is read, and no frame.
-    assert FoundSubjects(clip.reconstruction, no_picture, store=DepthStore(tmp_path, lambda: "a")).is_sure
+def subjects(shown: Callable[[int], Bytes], store: DepthStore | None) -> ClipSubjects:
+    """The subjects of a clip of pictures, without networks."""
+    return ClipSubjects(filmed(walls.with_disc).reconstruction, shown, store, Networks(walls.NONE))
+
+
+def test_objects_are_found_once(tmp_path: Path) -> None:
+    (found,) = subjects(walls.with_disc, DepthStore(tmp_path, lambda: "a")).objects
+    first = found.mask(16)
+    # Their strokes and masks are read, and no frame.
+    store = DepthStore(tmp_path, lambda: "a")
+    (again,) = subjects(no_picture, store).objects
+    assert again.name == "object 1" and np.array_equal(again.mask(16), first)
     still = DepthStore(tmp_path, lambda: "b")
-    assert not FoundSubjects(clip.reconstruction, walls.still, store=still).is_sure
-    assert not FoundSubjects(clip.reconstruction, no_picture, store=still).is_sure
+    assert subjects(walls.still, still).objects == subjects(no_picture, still).objects == []
+    # A damaged file is none.
+    store.write(OBJECTS, {"frames": np.array([1]), "counts": np.array([8]), "places": np.zeros(8)})
+    assert len(subjects(walls.with_disc, store).objects) == 1
+
+
+def test_a_mark_replaces_an_object() -> None:
+    clip = filmed(walls.with_disc)
+    assert [each.name for each in clip.every_subject] == ["object 1"]
+    (x, y), stroke = place(16), MarkedSubject("disc", (Stroke(16, ()),))
+    line = ((x - 8) / WIDTH, y / HEIGHT), ((x + 8) / WIDTH, y / HEIGHT)
+    stroke = replace(stroke, strokes=(Stroke(16, line),))
+    assert [each.name for each in replace(clip, marked=(stroke,)).every_subject] == ["disc"]
+    away = replace(stroke, strokes=(Stroke(16, ((0.02, 0.9), (0.05, 0.95))),))
+    assert len(replace(clip, marked=(away,)).every_subject) == 2
 
 
 def test_photos_and_single_frames_have_no_moving_objects() -> None:
     clip = filmed(walls.with_disc)
-    assert gate.moves(clip.reconstruction, clip.read)
-    assert not gate.moves(replace(clip.reconstruction, is_ordered=False), no_picture)
+    assert gate.moves(list(gate.moving_tracks(clip.reconstruction, clip.read)))
+    assert not list(gate.moving_tracks(replace(clip.reconstruction, is_ordered=False), no_picture))
     single = replace(clip.reconstruction, images=clip.reconstruction.images[:1])
-    assert not gate.moves(single, clip.read)
+    assert not list(gate.moving_tracks(single, clip.read))
+
+
+def test_tracks_near_each_other_are_a_group() -> None:
+    square = np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2) * 0.05
+    places = np.concatenate([0.1 + square, 0.6 + square, [[0.95, 0.1]]])
+    found = groups(places, (HEIGHT, WIDTH, 3))
+    assert [len(group) for group in found] == [16, 16]
+    np.testing.assert_array_equal(found[1], 0.6 + square)
+    assert groups(np.zeros((0, 2)), (HEIGHT, WIDTH, 3)) == []
 
 
 def along(track: int) -> np.ndarray:
@@ -105,4 +135,4 @@ def flat(frame: int) -> Bytes:
 
 
 def test_a_picture_without_corners_has_no_moving_objects() -> None:
-    assert not filmed(flat).subjects.is_sure
+    assert subjects(flat, None).objects == []

@@ -212,7 +212,7 @@ def test_a_person_who_was_found_is_shown_and_taken_over_by_a_correction() -> Non
     if not Networks().exist:
         pytest.skip("the networks are not in addon/networks: run tools/networks.py")
     filmed = walls.filmed(walls.with_person, tuple(range(11, 17)))
-    clip = replace(filmed, known_subjects=ClipSubjects(filmed.subjects))
+    clip = replace(filmed, known_subjects=ClipSubjects(filmed.reconstruction, filmed.read))
     # While people would have to be looked for, a stroke waits for nothing.
     assert Shown(clip, 14)() is None
     (person,) = clip.people
@@ -235,12 +235,12 @@ def test_a_stroke_leaves_what_is_known_of_the_clip(
     OPERATORS.pick_subject(places="0.7,0.7", new=True)
     after = shot_of(scene)
     assert len(after.context.marked) == 2 and after is not before
-    assert after.context.subjects is before.context.subjects
+    assert after.context._subjects is before.context._subjects
     assert after.context.carried(after.subjects[0]) is carried and after.read(2) is picture
     # Masks are left out of the static scene.
     black = np.zeros((LENS.height, LENS.width, 3), np.uint8)
     settings.masks = str(planes.write_clip(tmp_path / "masks", [black] * len(after.footage.frames)))
-    assert shot_of(scene).context.subjects is not after.context.subjects
+    assert shot_of(scene).context._subjects is not after.context._subjects
 
 
 def test_work_that_is_cancelled_ends_before_the_next_begins() -> None:

@@ -135,21 +135,19 @@ class PlaneSweepStereo:
         mask: Moving | None = None,
         finds_motion: bool = True,
         subjects: Callable[[], Sequence[Subject]] = tuple,
-        unmatched: Moving | None = None,
         unseen: Moving | None = None,
         matcher: Matcher = winning_levels,
     ) -> None:
         """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself, of
         which each of `subjects()` is one thing; where `finds_motion`, more may be found.
 
-        `mask` is asked for of frames whose objects are placed and of some around; where it takes long to
-        find, `unmatched` may tell less of it in frames that are swept, and `unseen` in their many source
-        views. `matcher` finds the levels of pixels.
+        `mask` is asked for of frames that are swept, and of some around; where it takes long to find,
+        `unseen` may tell less of it in their many source views. `matcher` finds the levels of pixels.
         """
         options = options if reconstruction.is_ordered else options.of_photos()
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
         self._finds_motion, self._subjects = finds_motion, subjects
-        self._unmatched, self._unseen, self._matcher = unmatched or mask, unseen or mask, matcher
+        self._unseen, self._matcher = unseen or mask, matcher
         self._pictures = LRUCache[Bytes](KEPT_PICTURES, lambda picture: picture.nbytes)
         self._ranges = LRUCache[tuple[float, float]](KEPT_SPANS)
         self._parallaxes = LRUCache[list[tuple[Image, float]]](2 * KEPT_SPANS)
@@ -168,7 +166,7 @@ class PlaneSweepStereo:
         """
         options, completion = self._options, self._options.completion
         image, _ = self._rec.image_at(frame)
-        masked = self.on_canvas(image, self._unmatched(frame) if self._unmatched else None)
+        masked = self._masked(image)
         canvas, own = self._canvas(image), self._picture(image).copy()
         own[masked, 3] = np.minimum(own[masked, 3], MASKED)
         shape = (own.shape[0], own.shape[1])

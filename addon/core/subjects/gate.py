@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -50,8 +51,18 @@ TRACKS = 8
 `python -m benchmarks.accuracy.automatic_subjects`."""
 
 
-def moves(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> bool:
-    """Return whether a clip certainly has moving objects; False for photos.
+@dataclass(frozen=True)
+class MovingTracks:
+    """Tracks of moving objects in one sampled frame."""
+
+    frame: int
+    """Number of the source frame."""
+    places: Floats
+    """(n, 2) shares of the picture, (0, 0) top left."""
+
+
+def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> Iterator[MovingTracks]:
+    """Yield the tracks of moving objects in each sampled frame; nothing for photos.
 
     Args:
         reconstruction: The registered frames of a clip.
@@ -60,15 +71,9 @@ def moves(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> bool
     Raises:
         UserError: A frame cannot be read.
     """
-    if not reconstruction.is_ordered or len(reconstruction.images) < 2:
-        return False
-    counts = moving_tracks(reconstruction, read)
-    return any(min(pair) >= TRACKS for pair in itertools.pairwise(counts))
-
-
-def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> Iterator[int]:
-    """Yield the number of tracks of moving objects in each sampled frame; arguments and errors as `moves`."""
     images = reconstruction.images
+    if not reconstruction.is_ordered or len(images) < 2:
+        return
     edge = min(REACH, len(images) // 4)
     samples = int(np.clip(len(images) // (2 * REACH), *SAMPLES))
     for number in np.unique(np.linspace(edge, len(images) - 1 - edge, samples).round().astype(int)):
@@ -77,8 +82,14 @@ def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels])
         pictures, cameras = zip(*(_small(reconstruction, image, read) for image in window), strict=True)
         tracks = followed(pictures, here)
         residual = still_residuals(tracks, window, cameras, here)
-        found = on_moving_objects(tracks[:, here], residual, pictures[here].shape)
-        yield int(np.count_nonzero(found))
+        places = tracks[on_moving_objects(tracks[:, here], residual, pictures[here].shape), here]
+        size = pictures[here].shape[1::-1]
+        yield MovingTracks(images[number].frame, (places.astype(float) + 0.5) / size)
+
+
+def moves(tracks: Sequence[MovingTracks]) -> bool:
+    """Return whether a clip with these moving tracks certainly has moving objects."""
+    return any(min(len(each.places) for each in pair) >= TRACKS for pair in itertools.pairwise(tracks))
 
 
 def _small(

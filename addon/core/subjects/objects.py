@@ -1,0 +1,79 @@
+"""Moving objects of a clip that are not people, each as the strokes that mark it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.arrays import Floats, Mask
+from .carried import SAME_PERSON, CarriedSubject
+from .gate import AROUND, TRACKS, MovingTracks, moves
+from .networks import Networks
+from .pictures import ClipPictures
+from .strokes import Stroke
+
+MOST_OBJECTS = 4
+"""Objects that are followed, each at the cost of a person."""
+
+
+@dataclass(frozen=True)
+class ObjectsOfClip:
+    """The moving objects of a clip.
+
+    Each is a group of neighbouring tracks that contradict a still scene, carried like a subject that the user
+    marks from the frame in which the group is largest. Errors as of `ClipPictures.picture`.
+    """
+
+    pictures: ClipPictures
+    networks: Networks
+    tracks: Sequence[MovingTracks]
+    """Tracks of moving objects in sampled frames, ascending."""
+    people: Callable[[int], Mask]
+    """(h, w) the people in a frame, who are no objects."""
+
+    def strokes(self) -> list[tuple[Stroke, ...]]:
+        """Return the strokes that mark each object; none where the clip has no moving objects for sure."""
+        if not moves(self.tracks):
+            return []
+        shape = self.pictures.picture(self.pictures.frames[0]).shape
+        waiting = [(each.frame, group) for each in self.tracks for group in groups(each.places, shape)]
+        waiting = [each for each in waiting if not self._covers(self.people(each[0]), each[1])]
+        waiting.sort(key=lambda each: -len(each[1]))
+        found = list[tuple[Stroke, ...]]()
+        while waiting and len(found) < MOST_OBJECTS:
+            frame, group = waiting[0]
+            strokes = tuple(Stroke(frame, (tuple(place),)) for place in group.tolist())
+            carried = CarriedSubject(self.pictures, self.networks, strokes)
+            others = [each for each in waiting[1:] if not self._covers(carried.mask(each[0]), each[1])]
+            if len(others) < len(waiting) - 1:
+                found.append(strokes)
+            waiting = others
+        return found
+
+    @staticmethod
+    def _covers(mask: Mask, places: Floats) -> bool:
+        """Whether most of places (n, 2), shares of the picture, are on a mask (h, w)."""
+        height, width = mask.shape
+        column, row = np.floor(places * (width, height)).astype(int).T
+        return bool(mask[row.clip(0, height - 1), column.clip(0, width - 1)].mean() >= SAME_PERSON)
+
+
+def groups(places: Floats, shape: tuple[int, ...]) -> list[Floats]:
+    """Return the groups of neighbouring tracks.
+
+    Args:
+        places: (n, 2) of tracks, shares of the picture.
+        shape: That of the picture (h, w, ...).
+
+    Returns:
+        (m, 2) places of each group of at least `TRACKS` tracks, each nearer than `AROUND` to another one.
+    """
+    sides = np.array(shape[1::-1]) / max(shape)
+    near = np.linalg.norm((places[:, None] - places[None]) * sides, axis=2) < AROUND
+    labels, before = np.arange(len(places)), None
+    while before is None or (labels != before).any():
+        # Each takes the least label of its neighbours.
+        before, labels = labels, np.where(near, labels, len(places)).min(axis=1, initial=len(places))
+    return [places[labels == label] for label in np.flatnonzero(np.bincount(labels) >= TRACKS)]
