@@ -17,7 +17,6 @@ from addon.core.frame.clip_context import no_picture
 from addon.core.subjects import gate
 from addon.core.subjects.clip_subjects import OBJECTS, ClipSubjects
 from addon.core.subjects.networks import Networks
-from addon.core.subjects.objects import groups
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 
 from . import walls
@@ -32,7 +31,7 @@ def test_a_pole_that_the_border_cuts_in_a_few_frames_is_no_subject() -> None:
 
 def test_depth_of_a_still_clip_equals_that_without_subjects() -> None:
     clip, frame = filmed(walls.with_pole), 3
-    alone = PlaneSweepStereo(clip.reconstruction, clip.read, finds_motion=False)
+    alone = PlaneSweepStereo(clip.reconstruction, clip.read)
     without, found = TemporalFusion(clip.reconstruction, alone).at(frame), clip.stereo.at(frame)
     for part in ("inverse_depth", "confidence", "moving"):
         np.testing.assert_array_equal(getattr(found, part), getattr(without, part))
@@ -92,10 +91,10 @@ def test_photos_and_single_frames_have_no_moving_objects() -> None:
 def test_tracks_near_each_other_are_a_group() -> None:
     square = np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2) * 0.05
     places = np.concatenate([0.1 + square, 0.6 + square, [[0.95, 0.1]]])
-    found = groups(places, (HEIGHT, WIDTH, 3))
+    found = gate.MovingTracks(1, places, (HEIGHT, WIDTH)).groups()
     assert [len(group) for group in found] == [16, 16]
     np.testing.assert_array_equal(found[1], 0.6 + square)
-    assert groups(np.zeros((0, 2)), (HEIGHT, WIDTH, 3)) == []
+    assert gate.MovingTracks(1, np.zeros((0, 2)), (HEIGHT, WIDTH)).groups() == []
 
 
 def along(track: int) -> np.ndarray:

@@ -101,14 +101,13 @@ class ClipContext:
     def _stereo(self, quality: Quality) -> TemporalFusion:
         if not quality.finds_subjects:
             alone = PlaneSweepStereo(
-                self.reconstruction, self.read, quality.stereo, self.masks, finds_motion=False,
-                matcher=self.matcher,
-            )  # fmt: skip
+                self.reconstruction, self.read, quality.stereo, self.masks, matcher=self.matcher
+            )
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
         store = self._store_of(quality)
         single_frame = PlaneSweepStereo(
-            self.reconstruction, self.read, quality.stereo, self.moving, finds_motion=False,
-            subjects=self._parts.placed, unseen=self.masks or _nothing, matcher=self.matcher,
+            self.reconstruction, self.read, quality.stereo, self.moving,
+            self._parts.placed, unseen=self.masks or _nothing, matcher=self.matcher,
         )  # fmt: skip
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
 

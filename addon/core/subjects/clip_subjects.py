@@ -165,7 +165,7 @@ class ClipSubjects:
         strokes = self._kept_objects()
         if strokes is None:
             tracks = list(moving_tracks(self.reconstruction, self.read))
-            strokes = ObjectsOfClip(self.pictures, self.networks, tracks, self._people_in).strokes()
+            strokes = ObjectsOfClip(tracks, self._by_strokes, self._people_in).strokes()
             self._keep_objects(strokes)
         return [
             ClipSubject(f"object {number}", f"object{number}", self._by_strokes(each).cut, self.store)

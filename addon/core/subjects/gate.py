@@ -59,6 +59,19 @@ class MovingTracks:
     """Number of the source frame."""
     places: Floats
     """(n, 2) shares of the picture, (0, 0) top left."""
+    shape: tuple[int, ...]
+    """(h, w) of the picture."""
+
+    def groups(self) -> list[Floats]:
+        """Return the places (m, 2) of each group of at least `TRACKS` tracks, each nearer than `AROUND` to
+        another one of the group."""
+        pixels = self.places * self.shape[::-1]
+        near = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) < AROUND * max(self.shape)
+        labels, before = np.arange(len(pixels)), None
+        while before is None or (labels != before).any():
+            # Each takes the least label of its neighbours.
+            before, labels = labels, np.where(near, labels, len(pixels)).min(axis=1, initial=len(pixels))
+        return [self.places[labels == label] for label in np.flatnonzero(np.bincount(labels) >= TRACKS)]
 
 
 def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> Iterator[MovingTracks]:
@@ -83,8 +96,8 @@ def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels])
         tracks = followed(pictures, here)
         residual = still_residuals(tracks, window, cameras, here)
         places = tracks[on_moving_objects(tracks[:, here], residual, pictures[here].shape), here]
-        size = pictures[here].shape[1::-1]
-        yield MovingTracks(images[number].frame, (places.astype(float) + 0.5) / size)
+        shape = pictures[here].shape
+        yield MovingTracks(images[number].frame, (places.astype(float) + 0.5) / shape[::-1], shape)
 
 
 def moves(tracks: Sequence[MovingTracks]) -> bool:

@@ -9,9 +9,7 @@ import numpy as np
 
 from ..base.arrays import Floats, Mask
 from .carried import SAME_PERSON, CarriedSubject
-from .gate import AROUND, TRACKS, MovingTracks, moves
-from .networks import Networks
-from .pictures import ClipPictures
+from .gate import MovingTracks, moves
 from .strokes import Stroke
 
 MOST_OBJECTS = 4
@@ -26,10 +24,10 @@ class ObjectsOfClip:
     marks from the frame in which the group is largest. Errors as of `ClipPictures.picture`.
     """
 
-    pictures: ClipPictures
-    networks: Networks
     tracks: Sequence[MovingTracks]
     """Tracks of moving objects in sampled frames, ascending."""
+    carried: Callable[[tuple[Stroke, ...]], CarriedSubject]
+    """Returns the subject that strokes mark."""
     people: Callable[[int], Mask]
     """(h, w) the people in a frame, who are no objects."""
 
@@ -37,16 +35,15 @@ class ObjectsOfClip:
         """Return the strokes that mark each object; none where the clip has no moving objects for sure."""
         if not moves(self.tracks):
             return []
-        shape = self.pictures.picture(self.pictures.frames[0]).shape
-        waiting = [(each.frame, group) for each in self.tracks for group in groups(each.places, shape)]
+        waiting = [(each.frame, group) for each in self.tracks for group in each.groups()]
         waiting = [each for each in waiting if not self._covers(self.people(each[0]), each[1])]
         waiting.sort(key=lambda each: -len(each[1]))
         found = list[tuple[Stroke, ...]]()
         while waiting and len(found) < MOST_OBJECTS:
             frame, group = waiting[0]
             strokes = tuple(Stroke(frame, (tuple(place),)) for place in group.tolist())
-            carried = CarriedSubject(self.pictures, self.networks, strokes)
-            others = [each for each in waiting[1:] if not self._covers(carried.mask(each[0]), each[1])]
+            mask = self.carried(strokes).mask
+            others = [each for each in waiting[1:] if not self._covers(mask(each[0]), each[1])]
             if len(others) < len(waiting) - 1:
                 found.append(strokes)
             waiting = others
@@ -58,22 +55,3 @@ class ObjectsOfClip:
         height, width = mask.shape
         column, row = np.floor(places * (width, height)).astype(int).T
         return bool(mask[row.clip(0, height - 1), column.clip(0, width - 1)].mean() >= SAME_PERSON)
-
-
-def groups(places: Floats, shape: tuple[int, ...]) -> list[Floats]:
-    """Return the groups of neighbouring tracks.
-
-    Args:
-        places: (n, 2) of tracks, shares of the picture.
-        shape: That of the picture (h, w, ...).
-
-    Returns:
-        (m, 2) places of each group of at least `TRACKS` tracks, each nearer than `AROUND` to another one.
-    """
-    sides = np.array(shape[1::-1]) / max(shape)
-    near = np.linalg.norm((places[:, None] - places[None]) * sides, axis=2) < AROUND
-    labels, before = np.arange(len(places)), None
-    while before is None or (labels != before).any():
-        # Each takes the least label of its neighbours.
-        before, labels = labels, np.where(near, labels, len(places)).min(axis=1, initial=len(places))
-    return [places[labels == label] for label in np.flatnonzero(np.bincount(labels) >= TRACKS)]
