@@ -113,7 +113,7 @@ def rows(scene: Staged) -> Iterator[str]:
 
 def moving_tracks(clip: ClipContext) -> int:
     """Count the moving tracks of the best two sampled frames in a row."""
-    counts = [len(each.places) for each in gate.moving_tracks(clip.reconstruction, clip.read)]
+    counts = [len(each.tracks) for each in gate.moving_tracks(clip.reconstruction, clip.read)]
     return max((min(pair) for pair in itertools.pairwise(counts)), default=0)
 
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from addon.core.base.arrays import Bytes
+from addon.core.base.arrays import Bytes, Mask
 from addon.core.depth.depth_store import DepthStore
 from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.temporal_fusion import TemporalFusion
@@ -17,6 +18,7 @@ from addon.core.frame.clip_context import no_picture
 from addon.core.subjects import gate
 from addon.core.subjects.clip_subjects import OBJECTS, ClipSubjects
 from addon.core.subjects.networks import Networks
+from addon.core.subjects.objects import ObjectsOfClip
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 
 from . import walls
@@ -70,14 +72,15 @@ def test_objects_are_found_once(tmp_path: Path) -> None:
 
 
 def test_a_mark_replaces_an_object() -> None:
-    clip = filmed(walls.with_disc)
+    clip, (x, y) = filmed(walls.with_disc), place(16)
     assert [each.name for each in clip.every_subject] == ["object 1"]
-    (x, y), stroke = place(16), MarkedSubject("disc", (Stroke(16, ()),))
-    line = ((x - 8) / WIDTH, y / HEIGHT), ((x + 8) / WIDTH, y / HEIGHT)
-    stroke = replace(stroke, strokes=(Stroke(16, line),))
-    assert [each.name for each in replace(clip, marked=(stroke,)).every_subject] == ["disc"]
-    away = replace(stroke, strokes=(Stroke(16, ((0.02, 0.9), (0.05, 0.95))),))
-    assert len(replace(clip, marked=(away,)).every_subject) == 2
+
+    def marked(*corners: tuple[float, float]) -> list[str]:
+        mark = MarkedSubject("disc", (Stroke(16, corners),))
+        return [each.name for each in replace(clip, marked=(mark,)).every_subject]
+
+    assert marked(((x - 8) / WIDTH, y / HEIGHT), ((x + 8) / WIDTH, y / HEIGHT)) == ["disc"]
+    assert marked((0.02, 0.9), (0.05, 0.95)) == ["disc", "object 1"]
 
 
 def test_photos_and_single_frames_have_no_moving_objects() -> None:
@@ -88,13 +91,60 @@ def test_photos_and_single_frames_have_no_moving_objects() -> None:
     assert not list(gate.moving_tracks(single, clip.read))
 
 
+def still(places: np.ndarray, moved: float = 0.0) -> np.ndarray:
+    """Tracks (n, 3, 2) through places (n, 2), shares of the width, that move to the right in each frame."""
+    return places[:, None] + np.array([[-moved, 0], [0, 0], [moved, 0]])
+
+
 def test_tracks_near_each_other_are_a_group() -> None:
-    square = np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2) * 0.05
-    places = np.concatenate([0.1 + square, 0.6 + square, [[0.95, 0.1]]])
-    found = gate.MovingTracks(1, places, (HEIGHT, WIDTH)).groups()
+    square = np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2) * 0.04
+    tracks = still(np.concatenate([0.1 + square, 0.5 + square, [[0.95, 0.1]]]))
+    found = gate.MovingTracks(1, tracks, (HEIGHT, WIDTH)).groups()
     assert [len(group) for group in found] == [16, 16]
-    np.testing.assert_array_equal(found[1], 0.6 + square)
-    assert gate.MovingTracks(1, np.zeros((0, 2)), (HEIGHT, WIDTH)).groups() == []
+    np.testing.assert_allclose(found[1], (0.5 + square) * [1, WIDTH / HEIGHT])
+    assert gate.MovingTracks(1, np.zeros((0, 3, 2)), (HEIGHT, WIDTH)).groups() == []
+
+
+def test_parts_of_an_object_that_something_hides_are_a_group_if_they_move_alike() -> None:
+    part = np.stack(np.meshgrid(np.arange(2), np.arange(3)), axis=-1).reshape(-1, 2) * 0.04
+    lost = still(part + np.array([0.25, 0.1]), 0.02)
+    lost[:, 0] = np.nan
+    alike = np.concatenate([still(part + 0.1, 0.02), lost])
+    assert [len(each) for each in gate.MovingTracks(1, alike, (HEIGHT, WIDTH)).groups()] == [12]
+    apart = np.concatenate([still(part + 0.1, 0.02), still(part + np.array([0.25, 0.1]), 0.01)])
+    assert gate.MovingTracks(1, apart, (HEIGHT, WIDTH)).groups() == []
+
+
+def sampled(frame: int, left: int, right: int) -> gate.MovingTracks:
+    """A sampled frame with so many tracks in the middle of each half, which move alike."""
+    x = np.repeat([0.42, 0.58], (left, right))
+    return gate.MovingTracks(frame, still(np.column_stack([x, np.full(len(x), 0.3)])), (HEIGHT, WIDTH))
+
+
+@dataclass(frozen=True)
+class Half:
+    """A subject that is carried on the left; on the right, too, if frame 6 marks it there."""
+
+    strokes: tuple[Stroke, ...]
+
+    def mask(self, frame: int) -> Mask:
+        found = np.zeros((HEIGHT, WIDTH), bool)
+        is_whole = any(each.frame == 6 and each.places[0][0] > 0.5 for each in self.strokes)
+        found[:, : WIDTH if is_whole else WIDTH // 2] = True
+        return found
+
+
+def test_tracks_off_an_object_mark_it_again() -> None:
+    def strokes(*tracks: gate.MovingTracks, people: bool = False) -> list[Counter[int]]:
+        everywhere = np.full((HEIGHT, WIDTH), people)
+        objects = ObjectsOfClip(tracks, Half, lambda frame: everywhere)  # type: ignore[arg-type]
+        return [Counter(each.frame for each in own.strokes) for own in objects.subjects()]
+
+    seen = sampled(2, 12, 0), sampled(4, 10, 0), sampled(6, 6, 4), sampled(8, 0, 10)
+    assert strokes(*seen) == [{2: 12, 6: 10}]
+    assert strokes(*seen, people=True) == []
+    # Seen in one frame alone it is no object.
+    assert strokes(sampled(2, 12, 0), sampled(4, 0, 10)) == []
 
 
 def along(track: int) -> np.ndarray:

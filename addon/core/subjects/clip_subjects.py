@@ -162,15 +162,20 @@ class ClipSubjects:
     @cached_property
     def objects(self) -> list[ClipSubject]:
         """Each of the other moving objects; none in photos, and in clips in which nothing moves for sure."""
-        strokes = self._kept_objects()
-        if strokes is None:
+        kept = self._kept_objects()
+        if kept is None:
             tracks = list(moving_tracks(self.reconstruction, self.read))
-            strokes = ObjectsOfClip(tracks, self._by_strokes, self._people_in).strokes()
-            self._keep_objects(strokes)
+            found = ObjectsOfClip(tracks, self._object, self._people_in).subjects()
+            self._keep_objects([each.strokes for each in found])
+        else:
+            found = [self._object(strokes) for strokes in kept]
         return [
-            ClipSubject(f"object {number}", f"object{number}", self._by_strokes(each).cut, self.store)
-            for number, each in enumerate(strokes, 1)
+            ClipSubject(f"object {number}", f"object{number}", each.cut, self.store)
+            for number, each in enumerate(found, 1)
         ]
+
+    def _object(self, strokes: tuple[Stroke, ...]) -> CarriedSubject:
+        return CarriedSubject(self.pictures, self.networks, strokes, corrects=False)
 
     def _people_in(self, frame: int) -> Mask:
         """(h, w) all people in a frame."""
@@ -180,20 +185,21 @@ class ClipSubjects:
     def _kept_objects(self) -> list[tuple[Stroke, ...]] | None:
         """The strokes of moving objects as they are kept; None where they are not."""
         kept = self.store and self.store.read(OBJECTS, ("frames", "counts", "places"))
-        if not kept or kept["places"].shape[1:] != (2,):
+        if not kept or kept["places"].shape != (len(kept["frames"]), 2):
             return None
-        places = np.split(kept["places"].astype(float), np.cumsum(kept["counts"])[:-1])
-        return [
-            tuple(Stroke(frame, (tuple(place),)) for place in own.tolist())
-            for frame, own in zip(map(int, kept["frames"]), places, strict=False)
-        ]
+        rows = zip(kept["frames"].tolist(), kept["places"].tolist(), strict=True)
+        strokes = [Stroke(int(frame), ((float(x), float(y)),)) for frame, (x, y) in rows]
+        ends = np.cumsum(kept["counts"].astype(int)).tolist()
+        return [tuple(strokes[start:end]) for start, end in zip([0, *ends], ends, strict=False)]
 
     def _keep_objects(self, strokes: list[tuple[Stroke, ...]]) -> None:
         if self.store is not None:
-            frames = np.array([each[0].frame for each in strokes], int)
-            counts = np.array([len(each) for each in strokes], int)
-            places = np.array([place for each in strokes for dot in each for place in dot.places], float)
-            kept = {"frames": frames, "counts": counts, "places": places.reshape(-1, 2)}
+            dots = [dot for each in strokes for dot in each]
+            kept = {
+                "frames": np.array([dot.frame for dot in dots], int),
+                "counts": np.array([len(each) for each in strokes], int),
+                "places": np.array([dot.places[0] for dot in dots], float).reshape(-1, 2),
+            }
             self.store.write(OBJECTS, kept)
 
     def others(self, marked: Sequence[ClipSubject], found: Sequence[ClipSubject]) -> list[ClipSubject]:

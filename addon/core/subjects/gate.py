@@ -46,6 +46,11 @@ street at night has no tracks of moving objects."""
 AGREEING = 0.75
 """Least share of a track's neighbours, itself included, that contradict a still scene on a moving object.
 Without it a still garden has 32 such tracks, with it none."""
+APART_ALIKE, ALIKE = 0.18, 1 / 480
+"""Distance within which tracks that move alike are of one object, parts of which something hides, and
+difference of their motion in a frame, as shares of the long side. Without them a tram behind pickets, in 36
+frames of 320x180 pixels, has `TRACKS` neighbouring tracks in a single sampled frame, with them in seven of
+eight."""
 TRACKS = 8
 """Tracks of moving objects that two sampled frames in a row must both have, measured by
 `python -m benchmarks.accuracy.automatic_subjects`."""
@@ -57,21 +62,31 @@ class MovingTracks:
 
     frame: int
     """Number of the source frame."""
-    places: Floats
-    """(n, 2) shares of the picture, (0, 0) top left."""
+    tracks: Floats
+    """(n, 3, 2) places in the frame before, in it, and in the frame after, over the long side of the picture,
+    (0, 0) top left; NaN where lost."""
     shape: tuple[int, ...]
     """(h, w) of the picture."""
 
     def groups(self) -> list[Floats]:
-        """Return the places (m, 2) of each group of at least `TRACKS` tracks, each nearer than `AROUND` to
-        another one of the group."""
-        pixels = self.places * self.shape[::-1]
-        near = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) < AROUND * max(self.shape)
-        labels, before = np.arange(len(pixels)), None
+        """Return the places (m, 2), shares of the picture, of each group of at least `TRACKS` tracks.
+
+        A track is in the group of another one that is nearer than `AROUND`, or nearer than `APART_ALIKE` and
+        moves alike.
+        """
+        count, here = len(self.tracks), self.tracks[:, 1]
+        away = np.linalg.norm(here[:, None] - here[None], axis=2)
+        steps = np.diff(self.tracks, axis=1)
+        off = np.linalg.norm(steps[:, None] - steps[None], axis=3)
+        known = np.isfinite(off)
+        alike = known.any(axis=2) & (np.where(known, off, 0).max(axis=2, initial=0) < ALIKE)
+        near = (away < AROUND) | ((away < APART_ALIKE) & alike)
+        labels, before = np.arange(count), None
         while before is None or (labels != before).any():
             # Each takes the least label of its neighbours.
-            before, labels = labels, np.where(near, labels, len(pixels)).min(axis=1, initial=len(pixels))
-        return [self.places[labels == label] for label in np.flatnonzero(np.bincount(labels) >= TRACKS)]
+            before, labels = labels, np.where(near, labels, count).min(axis=1, initial=count)
+        places = here * (max(self.shape) / np.array(self.shape[::-1]))
+        return [places[labels == label] for label in np.flatnonzero(np.bincount(labels) >= TRACKS)]
 
 
 def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> Iterator[MovingTracks]:
@@ -95,14 +110,15 @@ def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels])
         pictures, cameras = zip(*(_small(reconstruction, image, read) for image in window), strict=True)
         tracks = followed(pictures, here)
         residual = still_residuals(tracks, window, cameras, here)
-        places = tracks[on_moving_objects(tracks[:, here], residual, pictures[here].shape), here]
         shape = pictures[here].shape
-        yield MovingTracks(images[number].frame, (places.astype(float) + 0.5) / shape[::-1], shape)
+        moving = tracks[on_moving_objects(tracks[:, here], residual, shape)].astype(float)
+        padded = np.pad(moving, ((0, 0), (1, 1), (0, 0)), constant_values=np.nan)
+        yield MovingTracks(images[number].frame, (padded[:, here : here + 3] + 0.5) / max(shape), shape)
 
 
 def moves(tracks: Sequence[MovingTracks]) -> bool:
     """Return whether a clip with these moving tracks certainly has moving objects."""
-    return any(min(len(each.places) for each in pair) >= TRACKS for pair in itertools.pairwise(tracks))
+    return any(min(len(each.tracks) for each in pair) >= TRACKS for pair in itertools.pairwise(tracks))
 
 
 def _small(
