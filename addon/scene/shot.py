@@ -28,7 +28,6 @@ from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
 from ..core.sfm.state import STATE
 from ..core.subjects.clip_subjects import ClipSubjects
-from ..core.subjects.found import FoundSubjects, SubjectOptions
 from ..core.subjects.networks import Networks
 from ..core.subjects.strokes import MarkedSubject
 from . import gpu_matcher, store, subjects, version
@@ -134,12 +133,7 @@ class Shot:
 
     @cached_property
     def _found(self) -> ClipSubjects:
-        store = self._kept(self._subject_key)
-        return self.found or ClipSubjects(
-            FoundSubjects(
-                self.reconstruction, self.read, self._masks, store=store, matcher=gpu_matcher.winning_levels
-            )
-        )
+        return self.found or ClipSubjects(self.reconstruction, self.read, self._kept(self._subject_key))
 
     @property
     def _masks(self) -> Callable[[int], Map | None] | None:
@@ -170,11 +164,11 @@ class Shot:
         """16 hexadecimal digits of all that the depth found in the clip in a quality depends on, as its files
         are now."""
         marked = tuple(each.key for each in self.subjects)
-        return self._key(marked, quality.stereo, quality.fusion, SubjectOptions(), Networks().exist)
+        return self._key(marked, quality.stereo, quality.fusion, Networks().exist)
 
     def _subject_key(self) -> str:
         """The same of what moves by itself, whatever is marked."""
-        return self._key(SubjectOptions(), Networks().exist)
+        return self._key(Networks().exist)
 
     def _highlight_key(self) -> str:
         """The same of highlights, whatever moves."""

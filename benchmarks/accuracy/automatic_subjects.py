@@ -1,9 +1,9 @@
 """What automatic subjects cost in still scenes, and gain in scenes with moving objects.
 
 `python -m benchmarks.special automatic_subjects [--scenes ...] [--clips ...]`: for scenes PSNR against the
-real lens at 32 px, in the whole picture, near depth jumps and around subjects, with automatic subjects off,
-always on, and as the product decides (`addon/core/subjects/gate.py`); for real clips the decision alone.
-*tracks* is the number of moving tracks that two sampled frames in a row both have, the best two of the clip.
+real lens at 32 px, in the whole picture, near depth jumps and around subjects, with automatic subjects off
+and as the product decides (`addon/core/subjects/gate.py`); for real clips the decision alone. *tracks* is
+the number of moving tracks that two sampled frames in a row both have, the best two of the clip.
 
 Scenes in `MIRRORING` have true cameras, the others are solved.
 """
@@ -28,8 +28,7 @@ from addon.core.media.clip import open_footage
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
 from addon.core.subjects import gate
-from addon.core.subjects.clip_subjects import ClipSubjects
-from addon.core.subjects.found import FoundSubjects
+from addon.core.subjects.clip_subjects import ClipSubject, ClipSubjects
 from sample_scenes import filming
 
 from .. import store
@@ -46,7 +45,7 @@ MIRRORING = {"verge": (3, 14), "pond": (3, 14), "gloss": (12,), "surfaces": (12,
 """Scenes with a `build` of their own, and the frames that they are judged in."""
 STILL = (*MIRRORING, "porch", "bars", "blocks", "walk", "slope", "foreground")
 MOVING = ("fence", *filming.SUBJECTS)
-HEADER = "| scene | tracks | moves | place | off | on | decided |\n|---|---|---|---|---|---|---|"
+HEADER = "| scene | tracks | moves | place | off | decided |\n|---|---|---|---|---|---|"
 
 
 class Mirroring(Staged):
@@ -68,14 +67,16 @@ class Mirroring(Staged):
 
 
 @dataclass(frozen=True)
-class Decided(FoundSubjects):
-    """Subjects that are found, or not, without the gate."""
-
-    decision: bool = True
+class Nothing(ClipSubjects):
+    """No subject is found."""
 
     @property
-    def is_sure(self) -> bool:  # type: ignore[override]
-        return self.decision
+    def people(self) -> list[ClipSubject]:  # type: ignore[override]
+        return []
+
+    @property
+    def objects(self) -> list[ClipSubject]:  # type: ignore[override]
+        return []
 
 
 def cases(scene: Staged) -> Iterator[BenchmarkCase]:
@@ -94,8 +95,8 @@ def rows(scene: Staged) -> Iterator[str]:
     scores = dict[str, list[list[float]]]()
     for case in cases(scene):
         clip, truth = case.clip, scene.truth(case.frame, BLUR).picture
-        pictures = [METHODS["layers"].run(replace(case, clip=_decided(clip, each)), VIEWS).picture
-                    for each in (False, True)]  # fmt: skip
+        off = replace(clip, known_subjects=Nothing(clip.reconstruction, clip.read))
+        pictures = [METHODS["layers"].run(replace(case, clip=each), VIEWS).picture for each in (off, clip)]
         places = {"all": np.ones(truth.shape[:2], bool),
                   "edges": metrics.edge_band(1 / scene.depth(case.frame))}  # fmt: skip
         subject = scene.subject(case.frame)
@@ -107,18 +108,12 @@ def rows(scene: Staged) -> Iterator[str]:
     decision = tracks >= gate.TRACKS
     for name, each in scores.items():
         off, on = np.mean(each, axis=0)
-        shown = on if decision else off
-        yield f"| {scene.name} | {tracks} | {decision} | {name} | {off:.2f} | {on:.2f} | {shown:.2f} |"
-
-
-def _decided(clip: ClipContext, decision: bool) -> ClipContext:
-    found = Decided(clip.reconstruction, clip.read, clip.masks, matcher=clip.matcher, decision=decision)
-    return ClipContext(clip.reconstruction, clip.read, known_subjects=ClipSubjects(found))
+        yield f"| {scene.name} | {tracks} | {decision} | {name} | {off:.2f} | {on:.2f} |"
 
 
 def moving_tracks(clip: ClipContext) -> int:
     """Count the moving tracks of the best two sampled frames in a row."""
-    counts = gate.moving_tracks(clip.reconstruction, clip.read)
+    counts = [len(each.tracks) for each in gate.moving_tracks(clip.reconstruction, clip.read)]
     return max((min(pair) for pair in itertools.pairwise(counts)), default=0)
 
 

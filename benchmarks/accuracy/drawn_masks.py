@@ -1,8 +1,8 @@
-"""Subjects of real clips against hand-drawn masks (real data), without a solve.
+"""Subjects of real clips against hand-drawn masks (real data).
 
 `python -m benchmarks.special drawn_masks [--clips NAME ...] [--ways WAY ...] [--pictures FOLDER]`. *Stroke*:
 a line down the middle of the true mask in the middle frame that has one, carried through the clip. *Click*:
-its innermost pixel alone. *Automatic*: the people of the clip, all of them.
+its innermost pixel alone. *Automatic*: the people and other moving objects of the solved clip, all of them.
 """
 
 from __future__ import annotations
@@ -14,12 +14,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from addon.core.media.clip import open_footage
-from addon.core.subjects.carried import CarriedSubject, PeopleOfClip
+from addon.core.frame.clip_context import ClipContext
+from addon.core.media.clip import Footage, open_footage
+from addon.core.sfm.process import SolveProcess
+from addon.core.sfm.workspace import load_solve
+from addon.core.subjects.carried import CarriedSubject
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.pictures import ClipPictures
 from addon.core.subjects.strokes import Stroke, down
 
+from .. import store
 from ..cost import cpu_seconds
 from ..solving.real_clips import DATA
 from .mask_metrics import Mask, boundary_f, iou
@@ -55,7 +59,8 @@ def _judge(name: str, ways: Sequence[str], pictures: Path | None) -> None:
         way: CarriedSubject(small, networks, (Stroke(middle, down(_solid(truths[middle]), corners)),)).mask
         for way, corners in CORNERS.items()
     }
-    finds["automatic"] = PeopleOfClip(small, networks).mask
+    if "automatic" in ways:
+        finds["automatic"] = _automatic(footage, name)
     for way in ways:
         find = finds[way]
         began = cpu_seconds()
@@ -70,6 +75,19 @@ def _judge(name: str, ways: Sequence[str], pictures: Path | None) -> None:
             rows = [_shown(footage.read(frame)[..., 2::-1], found[frame]) for frame in list(found)[::10]]
             cv2.imwrite(str(pictures / f"{name}_{way}.jpg"), np.vstack(rows))
     footage.close()
+
+
+def _automatic(footage: Footage, name: str) -> Callable[[int], Mask]:
+    """All subjects of a clip that are found without the user, (h, w) by frame."""
+    work = store.FOLDER / "solves" / f"{name}-{store.digest(store.sources(*store.SOLVER))}.aperture"
+    SolveProcess(footage.path, work).wait()
+    clip = ClipContext(load_solve(work).reconstruction, footage.read)
+
+    def mask(frame: int) -> Mask:
+        found = clip.moving(frame)
+        return np.zeros((1, 1), bool) if found is None else found
+
+    return mask
 
 
 def _truth(name: str, frame: int) -> Mask | None:

@@ -140,7 +140,7 @@ class Score:
 
 
 def moving(given: Given) -> Callable[[int], Mask]:
-    """What contradicts the static scene: `PixelDepth.moving`."""
+    """The pixels that depth takes for moving: `PixelDepth.moving`."""
 
     def mask(frame: int) -> Mask:
         found = given.depth(frame).moving
@@ -150,10 +150,10 @@ def moving(given: Given) -> Callable[[int], Mask]:
 
 
 def automatic(given: Given) -> Callable[[int], Mask]:
-    """Subjects that are found without the user, before depth: `ClipContext.subjects`."""
+    """Subjects that are found without the user, before depth: `ClipContext.moving`."""
 
     def mask(frame: int) -> Mask:
-        found = given.clip.subjects.mask(frame)
+        found = given.clip.moving(frame)
         return np.zeros((1, 1), bool) if found is None else found
 
     return mask

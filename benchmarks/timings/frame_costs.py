@@ -33,7 +33,7 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlight_discs import HighlightDiscs
 from addon.core.frame.meshers import layers
 from addon.core.media.clip import Footage, open_footage
-from addon.core.subjects.found import FoundSubjects
+from addon.core.subjects.clip_subjects import ClipSubject
 from addon.core.warp import layered_mesh
 from addon.core.warp.disocclusion_fill import ReprojectedColours
 from addon.render import average, engine, gpu_views, output
@@ -59,7 +59,7 @@ STAGES: tuple[tuple[object, str, str], ...] = (
     (ClipContext, "picture", "read, highlights"),
     (lens_frame, "_geometry", "read"),
     (ClipContext, "depth", "depth, kept, for every pixel"),
-    (FoundSubjects, "mask", "moving objects"),
+    (ClipSubject, "share", "subjects"),
     (ClipContext, "hidden_colours", "hidden colours, other frames"),
     (ReprojectedColours, "colours", "hidden colours, places"),
     (layers, "layer_mesh", "mesh, rest"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -56,32 +57,52 @@ def test_it_is_read_as_it_was_kept(tmp_path: Path) -> None:
     assert not list(tmp_path.rglob(".part-*"))
 
 
-def test_what_moves_is_made_once(tmp_path: Path) -> None:
-    mask, made = some().moving, []
+def made(
+    store: DepthStore, frames: Sequence[int], make: Callable[[int], np.ndarray]
+) -> dict[int, np.ndarray]:
+    """Arrays of frames, as they are kept or made."""
 
-    def make() -> np.ndarray:
-        made.append(1)
-        return mask
+    def name(frame: int) -> str:
+        return f"lamps-{frame:06d}"
+
+    def read(frame: int) -> np.ndarray | None:
+        kept = store.read(name(frame), ("found",))
+        return kept and kept["found"]
+
+    def kept(frame: int) -> np.ndarray:
+        found = make(frame)
+        store.write(name(frame), {"found": found})
+        return found
+
+    return store.made(frames, name, read, kept)
+
+
+def test_what_is_kept_is_made_once(tmp_path: Path) -> None:
+    calls = list[int]()
+
+    def make(frame: int) -> np.ndarray:
+        calls.append(frame)
+        return np.arange(4)
 
     for _ in range(2):
-        np.testing.assert_array_equal(DepthStore(tmp_path, lambda: "a").moving(3, make), mask)
-    assert len(made) == 1
+        np.testing.assert_array_equal(made(DepthStore(tmp_path, lambda: "a"), [3], make)[3], np.arange(4))
+    assert calls == [3]
 
 
 def test_several_share_what_is_to_be_made(tmp_path: Path) -> None:
-    made, frames = list[int](), range(12)
+    calls, frames = list[int](), range(12)
 
     def make(frame: int) -> np.ndarray:
-        made.append(frame)
+        calls.append(frame)
         time.sleep(0.02)
         return np.full((4, 6), frame % 2 > 0)
 
     def work(_: int) -> dict[int, np.ndarray]:
-        return DepthStore(tmp_path, lambda: "a").masks(frames, "alone", make)
+        return made(DepthStore(tmp_path, lambda: "a"), frames, make)
 
     with ThreadPoolExecutor(3) as pool:
         answers = list(pool.map(work, range(3)))
-    assert sorted(made) == list(frames)
+    assert sorted(calls) == list(frames)
     for answer in answers:
         assert all(np.all(answer[frame] == frame % 2) for frame in frames)
     assert not list(tmp_path.rglob("*.lock"))
@@ -93,8 +114,8 @@ def test_what_another_holds_for_too_long_is_made_all_the_same(
     monkeypatch.setattr(depth_store, "PATIENCE", 0.1)
     store = DepthStore(tmp_path, lambda: "a")
     (tmp_path / "a").mkdir()
-    with FileLock(tmp_path / "a" / "alone-000002.lock", UserError):
-        found = store.masks([1, 2], "alone", lambda frame: some().moving)
+    with FileLock(tmp_path / "a" / "lamps-000002.lock", UserError):
+        found = made(store, [1, 2], lambda frame: np.arange(frame))
     assert sorted(found) == [1, 2]
 
 

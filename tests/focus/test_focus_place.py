@@ -130,7 +130,7 @@ def test_the_command_line_says_how_far_and_follows(
     np.testing.assert_allclose(np.array(distances) / distances[1], true / true[1], rtol=0.01)
 
 
-def test_the_command_line_marks_the_subject_that_is_clicked(
+def test_the_command_line_focuses_on_the_object_that_is_clicked(
     registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     few = tuple(range(11, 22))
@@ -146,7 +146,7 @@ def test_the_command_line_marks_the_subject_that_is_clicked(
     words = ["save", str(tmp_path / "work"), "--blend", str(tmp_path / "a.blend"), "--focus-at", f"{at}@16"]
     assert run_command(words) == 0
     said = capsys.readouterr().out
-    assert "Subject is marked and in focus" in said and "from the subject Subject, seen" in said
+    assert "from the subject object 1, seen" in said
     settings = bpy.context.scene.virtual_aperture
-    assert [each.name for each in settings.subjects.items] == ["Subject"]
+    assert not len(settings.subjects.items)
     assert len(settings.marks.items[0].places[0]["followed_frames"]) == len(few)

@@ -101,6 +101,16 @@ def test_a_correction_begins_with_what_was_carried(pictures: ClipPictures, no_ne
     assert asked == [before.strokes]
 
 
+def test_strokes_that_do_not_correct_are_cut_out_anew(pictures: ClipPictures, no_networks: Networks) -> None:
+    def carried(strokes: tuple[Stroke, ...]) -> CarriedSubject:
+        raise AssertionError(strokes)
+
+    strokes = stroke(5), stroke(7)
+    subject = CarriedSubject(pictures, no_networks, strokes, carried, corrects=False)
+    alone = CarriedSubject(pictures, no_networks, strokes[1:])
+    assert np.array_equal(subject.mask(7), alone.mask(7))
+
+
 def test_a_later_stroke_corrects_and_keeps_the_rest(pictures: ClipPictures, no_networks: Networks) -> None:
     before = CarriedSubject(pictures, no_networks, (stroke(5),))
     corner = Stroke(7, ((0.9, 0.9), (0.95, 0.9)), adds=False)

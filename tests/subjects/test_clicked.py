@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.focus.place import Place
 from addon.core.frame.clicked import clicked
 from addon.core.frame.clip_context import ClipContext
-from addon.core.subjects.clip_subjects import ClipSubjects
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.strokes import MarkedSubject
 
@@ -43,16 +41,20 @@ def click(
 
 @pytest.fixture(scope="module")
 def clip() -> walls.Filmed:
-    return without_networks(filmed(walls.with_disc, FEW))
+    return filmed(walls.with_disc, FEW)
 
 
-def without_networks[C: ClipContext](clip: C) -> C:
-    """A clip in which nobody is recognised: its subjects are found by motion."""
-    return replace(clip, known_subjects=ClipSubjects(clip.subjects, Networks(Path("none"))))
-
-
-def test_a_click_on_what_moves_marks_all_of_it(clip: walls.Filmed) -> None:
+def test_a_click_on_an_object_that_was_found_takes_all_of_it(clip: walls.Filmed) -> None:
     seen = list[Mask]()
+    found = click(clip, *place(FRAME), seen=seen.append)
+    assert found.marks is None and "the subject object 1" in found.source
+    assert sorted(found.followed) == list(FEW)
+    (mask,) = seen
+    assert overlap(mask, disc(FRAME)) > 0.85
+
+
+def test_a_click_on_another_one_marks_all_of_it() -> None:
+    clip, seen = unknown(walls.with_disc), list[Mask]()
     found = click(clip, *place(FRAME), name="Disc", seen=seen.append)
     assert found.marks is not None and found.marks.name == "Disc" and "the subject Disc" in found.source
     assert sorted(found.followed) == list(FEW)
@@ -112,4 +114,6 @@ def unknown(shown: Callable[[int], Bytes]) -> Unknown:
     for image in made.reconstruction.images:
         far = image.xy[:, 1] > walls.EDGE
         images.append(replace(image, xy=image.xy[far], points=image.points[far]))
-    return without_networks(Unknown(replace(made.reconstruction, images=tuple(images)), shown))
+    found = replace(made.reconstruction, images=tuple(images))
+    nobody = walls.NoObjects(found, shown, networks=Networks(walls.NONE))
+    return Unknown(found, shown, known_subjects=nobody)

@@ -18,7 +18,6 @@ from addon.core.frame.first_person import face_of, middle_of, nearest_person
 from addon.core.media.clip import open_footage
 from addon.core.subjects.clip_subjects import PEOPLE, ClipSubject, ClipSubjects
 from addon.core.subjects.cut import Cut
-from addon.core.subjects.found import FoundSubjects
 from addon.core.subjects.networks import Detection, Networks
 from addon.core.subjects.people import people
 from addon.core.subjects.pictures import displayed, small
@@ -85,8 +84,8 @@ def test_people_are_looked_for_once(tmp_path: Path) -> None:
         pytest.skip("the networks are not in addon/networks: run tools/networks.py")
     clip = walls.filmed(walls.with_person, tuple(range(11, 17)))
     store = DepthStore(tmp_path, lambda: 16 * "a")
-    found = FoundSubjects(clip.reconstruction, clip.read, store=store)
-    first, second = (ClipSubjects(found, Counting()) for _ in range(2))
+    found = clip.reconstruction, clip.read, store
+    first, second = (ClipSubjects(*found, Counting()) for _ in range(2))
     (person,) = first.people
     (again,) = second.people
     assert (first.networks.calls > 0, second.networks.calls) == (True, 0)
@@ -94,9 +93,9 @@ def test_people_are_looked_for_once(tmp_path: Path) -> None:
         assert np.array_equal(again.cut(frame).share, person.cut(frame).share)
     # A file of pictures of another size.
     store.write(PEOPLE, {"frames": np.array([11]), "shares": encoded(np.zeros((5, 7), np.uint8))})
-    assert len(ClipSubjects(found, Counting()).people) == 1
-    nobody = FoundSubjects(clip.reconstruction, walls.still, store=DepthStore(tmp_path, lambda: 16 * "b"))
-    assert ClipSubjects(nobody, Counting()).people == ClipSubjects(nobody, blind := Counting()).people == []
+    assert len(ClipSubjects(*found, Counting()).people) == 1
+    nobody = clip.reconstruction, walls.still, DepthStore(tmp_path, lambda: 16 * "b")
+    assert ClipSubjects(*nobody, Counting()).people == ClipSubjects(*nobody, blind := Counting()).people == []
     assert blind.calls == 0
 
 
@@ -104,14 +103,14 @@ def test_a_correction_keeps_the_person_who_was_found() -> None:
     if not Networks().exist:
         pytest.skip("the networks are not in addon/networks: run tools/networks.py")
     clip = walls.filmed(walls.with_person, tuple(range(11, 17)))
-    found = ClipSubjects(FoundSubjects(clip.reconstruction, clip.read))
+    found = ClipSubjects(clip.reconstruction, clip.read)
     (person,) = found.people
     strokes = Stroke(14, down(person.mask(14), 5)), Stroke(14, ((0.02, 0.02), (0.05, 0.02)), adds=False)
     marked = found.marked(MarkedSubject("subject", strokes))
     for frame in (11, 14, 16):
         shares = [walls.overlap(each.mask(frame), walls.person(frame)) for each in (marked, person)]
         assert shares[0] > shares[1] - 0.05, frame
-    assert not found.others([marked])
+    assert not found.others([marked], found.people)
 
 
 def test_a_stroke_corrects_the_person_it_is_beside() -> None:

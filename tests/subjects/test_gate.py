@@ -2,47 +2,49 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from addon.core.base.arrays import Bytes
+from addon.core.base.arrays import Bytes, Mask
 from addon.core.depth.depth_store import DepthStore
 from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.frame.clip_context import no_picture
 from addon.core.subjects import gate
-from addon.core.subjects.found import FoundSubjects
+from addon.core.subjects.clip_subjects import OBJECTS, ClipSubjects
+from addon.core.subjects.networks import Networks
+from addon.core.subjects.objects import ObjectsOfClip
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 
 from . import walls
-from .walls import FRAMES, HEIGHT, WIDTH, disc, filmed, moving, overlap, place
+from .walls import FRAMES, HEIGHT, WIDTH, disc, filmed, moving, place
 
 
 def test_a_pole_that_the_border_cuts_in_a_few_frames_is_no_subject() -> None:
     """Other frames show the wall there, so that all of it seems to move."""
     clip, frame = filmed(walls.with_pole), 3
     assert not moving(clip, frame).any()
-    surely = filmed(walls.with_pole, is_sure=True)
-    assert overlap(moving(surely, frame), walls.pole(frame)) > 0.9
 
 
 def test_depth_of_a_still_clip_equals_that_without_subjects() -> None:
     clip, frame = filmed(walls.with_pole), 3
-    alone = PlaneSweepStereo(clip.reconstruction, clip.read, finds_motion=False)
+    alone = PlaneSweepStereo(clip.reconstruction, clip.read)
     without, found = TemporalFusion(clip.reconstruction, alone).at(frame), clip.stereo.at(frame)
     for part in ("inverse_depth", "confidence", "moving"):
         np.testing.assert_array_equal(getattr(found, part), getattr(without, part))
-    assert clip.left_out(frame) is None
+    assert clip.moving(frame) is None
 
 
 def test_a_marked_subject_is_carried_where_no_subjects_are_found() -> None:
     x, y = 90 / WIDTH, 60 / HEIGHT
     stroke = Stroke(16, ((x, y), (x + 0.05, y + 0.1)))
     marked = replace(filmed(walls.still), marked=(MarkedSubject("wall", (stroke,)),))
-    assert moving(marked, 16).any() and not marked.subjects.is_sure
+    assert moving(marked, 16).any()
 
 
 def test_masks_count_where_no_subjects_are_found() -> None:
@@ -50,22 +52,99 @@ def test_masks_count_where_no_subjects_are_found() -> None:
     np.testing.assert_array_equal(moving(said, 9), disc(9))
 
 
-def test_the_decision_is_stored(tmp_path: Path) -> None:
-    clip, store = filmed(walls.with_disc), DepthStore(tmp_path, lambda: "a")
-    assert FoundSubjects(clip.reconstruction, clip.read, store=store).is_sure
-    # The decision is read, and no frame.
-    assert FoundSubjects(clip.reconstruction, no_picture, store=DepthStore(tmp_path, lambda: "a")).is_sure
+def subjects(shown: Callable[[int], Bytes], store: DepthStore | None) -> ClipSubjects:
+    """The subjects of a clip of pictures, without networks."""
+    return ClipSubjects(filmed(walls.with_disc).reconstruction, shown, store, Networks(walls.NONE))
+
+
+def test_objects_are_found_once(tmp_path: Path) -> None:
+    (found,) = subjects(walls.with_disc, DepthStore(tmp_path, lambda: "a")).objects
+    first = found.mask(16)
+    # Their strokes and masks are read, and no frame.
+    store = DepthStore(tmp_path, lambda: "a")
+    (again,) = subjects(no_picture, store).objects
+    assert again.name == "object 1" and np.array_equal(again.mask(16), first)
     still = DepthStore(tmp_path, lambda: "b")
-    assert not FoundSubjects(clip.reconstruction, walls.still, store=still).is_sure
-    assert not FoundSubjects(clip.reconstruction, no_picture, store=still).is_sure
+    assert subjects(walls.still, still).objects == subjects(no_picture, still).objects == []
+    # A damaged file is none.
+    store.write(OBJECTS, {"frames": np.array([1]), "counts": np.array([8]), "places": np.zeros(8)})
+    assert len(subjects(walls.with_disc, store).objects) == 1
+
+
+def test_a_mark_replaces_an_object() -> None:
+    clip, (x, y) = filmed(walls.with_disc), place(16)
+    assert [each.name for each in clip.every_subject] == ["object 1"]
+
+    def marked(*corners: tuple[float, float]) -> list[str]:
+        mark = MarkedSubject("disc", (Stroke(16, corners),))
+        return [each.name for each in replace(clip, marked=(mark,)).every_subject]
+
+    assert marked(((x - 8) / WIDTH, y / HEIGHT), ((x + 8) / WIDTH, y / HEIGHT)) == ["disc"]
+    assert marked((0.02, 0.9), (0.05, 0.95)) == ["disc", "object 1"]
 
 
 def test_photos_and_single_frames_have_no_moving_objects() -> None:
     clip = filmed(walls.with_disc)
-    assert gate.moves(clip.reconstruction, clip.read)
-    assert not gate.moves(replace(clip.reconstruction, is_ordered=False), no_picture)
+    assert gate.moves(list(gate.moving_tracks(clip.reconstruction, clip.read)))
+    assert not list(gate.moving_tracks(replace(clip.reconstruction, is_ordered=False), no_picture))
     single = replace(clip.reconstruction, images=clip.reconstruction.images[:1])
-    assert not gate.moves(single, clip.read)
+    assert not list(gate.moving_tracks(single, clip.read))
+
+
+def still(places: np.ndarray, moved: float = 0.0) -> np.ndarray:
+    """Tracks (n, 3, 2) through places (n, 2), shares of the width, that move to the right in each frame."""
+    return places[:, None] + np.array([[-moved, 0], [0, 0], [moved, 0]])
+
+
+def test_tracks_near_each_other_are_a_group() -> None:
+    square = np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2) * 0.04
+    tracks = still(np.concatenate([0.1 + square, 0.5 + square, [[0.95, 0.1]]]))
+    found = gate.MovingTracks(1, tracks, (HEIGHT, WIDTH)).groups()
+    assert [len(group) for group in found] == [16, 16]
+    np.testing.assert_allclose(found[1], (0.5 + square) * [1, WIDTH / HEIGHT])
+    assert gate.MovingTracks(1, np.zeros((0, 3, 2)), (HEIGHT, WIDTH)).groups() == []
+
+
+def test_parts_of_an_object_that_something_hides_are_a_group_if_they_move_alike() -> None:
+    part = np.stack(np.meshgrid(np.arange(2), np.arange(3)), axis=-1).reshape(-1, 2) * 0.04
+    lost = still(part + np.array([0.25, 0.1]), 0.02)
+    lost[:, 0] = np.nan
+    alike = np.concatenate([still(part + 0.1, 0.02), lost])
+    assert [len(each) for each in gate.MovingTracks(1, alike, (HEIGHT, WIDTH)).groups()] == [12]
+    apart = np.concatenate([still(part + 0.1, 0.02), still(part + np.array([0.25, 0.1]), 0.01)])
+    assert gate.MovingTracks(1, apart, (HEIGHT, WIDTH)).groups() == []
+
+
+def sampled(frame: int, left: int, right: int) -> gate.MovingTracks:
+    """A sampled frame with so many tracks in the middle of each half, which move alike."""
+    x = np.repeat([0.42, 0.58], (left, right))
+    return gate.MovingTracks(frame, still(np.column_stack([x, np.full(len(x), 0.3)])), (HEIGHT, WIDTH))
+
+
+@dataclass(frozen=True)
+class Half:
+    """A subject that is carried on the left; on the right, too, if frame 6 marks it there."""
+
+    strokes: tuple[Stroke, ...]
+
+    def mask(self, frame: int) -> Mask:
+        found = np.zeros((HEIGHT, WIDTH), bool)
+        is_whole = any(each.frame == 6 and each.places[0][0] > 0.5 for each in self.strokes)
+        found[:, : WIDTH if is_whole else WIDTH // 2] = True
+        return found
+
+
+def test_tracks_off_an_object_mark_it_again() -> None:
+    def strokes(*tracks: gate.MovingTracks, people: bool = False) -> list[Counter[int]]:
+        everywhere = np.full((HEIGHT, WIDTH), people)
+        objects = ObjectsOfClip(tracks, Half, lambda frame: everywhere)  # type: ignore[arg-type]
+        return [Counter(each.frame for each in own.strokes) for own in objects.subjects()]
+
+    seen = sampled(2, 12, 0), sampled(4, 10, 0), sampled(6, 6, 4), sampled(8, 0, 10)
+    assert strokes(*seen) == [{2: 12, 6: 10}]
+    assert strokes(*seen, people=True) == []
+    # Seen in one frame alone it is no object.
+    assert strokes(sampled(2, 12, 0), sampled(4, 0, 10)) == []
 
 
 def along(track: int) -> np.ndarray:
@@ -105,4 +184,4 @@ def flat(frame: int) -> Bytes:
 
 
 def test_a_picture_without_corners_has_no_moving_objects() -> None:
-    assert not filmed(flat).subjects.is_sure
+    assert subjects(flat, None).objects == []

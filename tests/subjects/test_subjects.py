@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import cv2
 import numpy as np
@@ -14,8 +13,6 @@ from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.depth.source import DepthSource, PixelDepth
 from addon.core.focus.subject import subject_place
-from addon.core.subjects.segmentation import SegmentationOptions, contradiction
-from addon.core.subjects.static_plate import Plate, _sorted
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 
 from ..scenes import texture
@@ -47,16 +44,8 @@ def test_a_frame_is_the_same_whichever_was_asked_for_before(clip: walls.Filmed) 
 
 @pytest.mark.parametrize("shown", [walls.still, walls.with_shadow], ids=["nothing", "a shadow"])
 def test_what_stands_still_is_no_subject(shown: object) -> None:
-    found = filmed(shown, is_sure=True)  # type: ignore[arg-type]
+    found = filmed(shown)  # type: ignore[arg-type]
     assert all(not moving(found, frame).any() for frame in SOME)
-
-
-def test_the_static_scene_is_seen_behind_what_moves(clip: walls.Filmed) -> None:
-    plates = clip.subjects.plates
-    for frame in SOME[1:-1]:
-        plate, there = plates.plate(frame, partial(clip.subjects._left_out, 2)), disc(frame)
-        off = cv2.absdiff(plate.colour, walls.still(frame)).max(axis=2)
-        assert np.median(off[there]) < 12 and np.median(plate.count[there]) > 2
 
 
 def test_a_stroke_marks_what_moves_and_is_carried_both_ways(clip: walls.Filmed) -> None:
@@ -65,55 +54,6 @@ def test_a_stroke_marks_what_moves_and_is_carried_both_ways(clip: walls.Filmed) 
         cut = carried.cut(frame)
         assert overlap(cut.mask, disc(frame)) > 0.85 and cut.sure > 0.7
     assert carried.cut(16).sure == 1
-
-
-def in_colours_of_the_wall(frame: int) -> Bytes:
-    """The frame with a disc of which one in three pixels, by chance, looks as what is behind it."""
-    alike = np.random.default_rng(frame).random((HEIGHT, WIDTH, 1)) < 0.35
-    return np.where(alike, walls.still(frame), walls.with_disc(frame)).astype(np.uint8)
-
-
-def test_what_has_colours_of_the_background_is_found_whole() -> None:
-    clip = filmed(in_colours_of_the_wall, is_sure=True)
-    assert min(overlap(moving(clip, frame), disc(frame)) for frame in SOME) > 0.85
-
-
-def test_one_source_frame_tells_what_is_the_same_only() -> None:
-    """What else it shows may be what moves."""
-    scene = texture(60, 40, 1)
-    picture = scene.copy()
-    picture[:, 30:] = 255 - picture[:, 30:]
-    seen = np.full(scene.shape[:2], 1, np.uint8)
-    plate = Plate(scene, scene, scene, seen, np.zeros_like(seen, bool))
-    odds, weight = contradiction(picture, plate, SegmentationOptions())
-    same, other = np.s_[8:-8, 8:22], np.s_[8:-8, 38:-8]
-    assert (odds[same] < 0).all() and weight[same].min() > 0.2
-    assert np.median(odds[other]) > 0 and not weight[other][odds[other] > 0].any()
-
-
-def test_a_silhouette_that_is_a_pixel_off_is_no_subject() -> None:
-    """What has colours of neither side is one there, too."""
-    scene = np.full((40, 60, 3), 40, np.uint8)
-    scene[:, 30:] = 200, 180, 60
-    picture = np.roll(scene, 1, axis=1)
-    picture[:, 0] = 40
-    picture[:10, 26:34] = 20, 20, 250
-    seen, near = np.full(scene.shape[:2], 9, np.uint8), np.zeros(scene.shape[:2], bool)
-    near[:, 28:32] = True
-    plate, options = Plate(scene, scene, scene, seen, near), SegmentationOptions(misplaced=(0.1, 0.1))
-    odds, _ = contradiction(picture, plate, options)
-    assert odds[14:, 28:32].max() < 0 < odds[2:8, 28:32].min()
-    without, _ = contradiction(picture, replace(plate, silhouette=np.zeros_like(near)), options)
-    assert without[14:, 30].min() > 0
-
-
-def test_silhouettes_of_the_static_scene_are_where_its_depth_jumps(clip: walls.Filmed) -> None:
-    plates = clip.subjects.plates
-    silhouette = plates.plate(16).silhouette
-    edge = round(walls.EDGE * len(silhouette) / walls.HEIGHT)
-    away = np.ones(len(silhouette), bool)
-    away[edge - 8 : edge + 8] = False
-    assert silhouette[edge - 3 : edge + 3].any(axis=0).mean() > 0.9 and silhouette[away].mean() < 0.05
 
 
 PAUSES = (8, 25)
@@ -173,7 +113,7 @@ def at_thing(frame: int) -> np.ndarray:
 
 
 def test_a_stroke_marks_what_stands_still_throughout() -> None:
-    clip = filmed(thing, is_sure=True)
+    clip = filmed(thing)
     assert not moving(clip, 16).any()
     line = Stroke(16, ((95 / WIDTH, 50 / HEIGHT), (110 / WIDTH, 80 / HEIGHT)))
     carried = clip.carried(MarkedSubject("thing", (line,)))
@@ -242,9 +182,3 @@ def test_where_a_subject_stands_the_depth_of_all_pixels_is_not_asked_for(clip: w
     inverse = {frame: 0.2 + 0.001 * frame for frame in FRAMES}
     found = subject_place(clip.reconstruction, Unasked(), disc, 16, "disc", inverse.get)
     assert {frame: 1 / each for frame, each in found.followed.items()} == pytest.approx(inverse, rel=0.01)
-
-
-@pytest.mark.parametrize("count", range(1, 14))
-def test_values_are_sorted_through_a_stack(count: int) -> None:
-    stack = list(np.random.default_rng(count).integers(0, 256, (count, 3, 5, 3), dtype=np.uint8))
-    np.testing.assert_array_equal(_sorted(stack), np.sort(np.stack(stack), axis=0))

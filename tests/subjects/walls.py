@@ -13,8 +13,7 @@ import numpy as np
 from addon.core.base.arrays import Bytes, Floats, Mask
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.frame.clip_context import ClipContext
-from addon.core.subjects.clip_subjects import ClipSubjects
-from addon.core.subjects.found import FoundSubjects
+from addon.core.subjects.clip_subjects import ClipSubject, ClipSubjects
 from addon.core.subjects.networks import Networks
 
 from ..scenes import texture
@@ -122,17 +121,16 @@ class Filmed(ClipContext):
 
 
 @dataclass(frozen=True)
-class Sure(FoundSubjects):
-    """Subjects of a clip, whether or not anything moves for sure."""
+class NoObjects(ClipSubjects):
+    """Subjects of a clip in which no moving object is found."""
 
     @property
-    def is_sure(self) -> bool:  # type: ignore[override]
-        return True
+    def objects(self) -> list[ClipSubject]:  # type: ignore[override]
+        return []
 
 
-def filmed(shown: Callable[[int], Bytes], frames: tuple[int, ...] = FRAMES, is_sure: bool = False) -> Filmed:
-    """A clip of pictures, with its true cameras and features of both walls where these are seen. `is_sure`
-    looks for subjects in any case."""
+def filmed(shown: Callable[[int], Bytes], frames: tuple[int, ...] = FRAMES) -> Filmed:
+    """A clip of pictures, with its true cameras and features of both walls where these are seen."""
     rng = np.random.default_rng(4)
     rows = []
     for depth, low, high in ((FAR, 4, EDGE - 4), (NEAR, EDGE + 4, HEIGHT - 4)):
@@ -150,8 +148,7 @@ def filmed(shown: Callable[[int], Bytes], frames: tuple[int, ...] = FRAMES, is_s
     grey = np.full((len(points), 3), 128, np.uint8)
     cloud = Points(points, grey, np.full(len(points), 0.1))
     found = Reconstruction((LENS,), tuple(images), cloud)
-    motion = Sure(found, shown) if is_sure else FoundSubjects(found, shown)
-    return Filmed(found, shown, known_subjects=ClipSubjects(motion, Networks(NONE)))
+    return Filmed(found, shown, known_subjects=ClipSubjects(found, shown, networks=Networks(NONE)))
 
 
 def moving(clip: ClipContext, frame: int) -> Mask:

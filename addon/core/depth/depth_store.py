@@ -2,12 +2,11 @@
 
 FOLDER/KEY/depth-000123.npz    a frame's inverse depth in 12 bits, its confidence in 4, what moves in it, and
                                inverse depth past its border
-FOLDER/KEY/moving-000123.npz   what moves in a frame
-FOLDER/KEY/moving-SUBJECT-000123.npz   the probability of a marked subject or a person
+FOLDER/KEY/moving-SUBJECT-000123.npz   the probability of a subject in a frame
 FOLDER/KEY/moving-people.npz   the people of the clip, each in the frame in which they were found
+FOLDER/KEY/moving-objects.npz   the strokes that mark the other moving objects of the clip
 FOLDER/KEY/single-000123.npz, coarse-000123.npz   a key frame's depth by itself, and that of a source frame of
                                the static scene, before others are fused with it
-FOLDER/KEY/alone-000123.npz, alone-PASS-000123.npz   what moves in a frame by its own evidence
 FOLDER/KEY/lost-THRESHOLD-000123.npz, lamps-THRESHOLD-000123.npz   light that clipping took from a frame, and
                                what the rims of its highlights tell (`frame/kept_highlights.py`)
 
@@ -50,7 +49,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 """Begins a PNG, whose width and height stand at its 17th byte (ISO/IEC 15948)."""
 LONGEST_SIDE = 16384
 """Pixels of a mask at most, as of any picture that is drawn."""
-KINDS = "depth", "moving", "single", "coarse", "alone", "lost", "lamps", "gate"
+KINDS = "depth", "moving", "single", "coarse", "lost", "lamps"
 """What the names of files begin with; all others go where there is no room for the first."""
 RECOUNT = 10.0
 """Seconds after which files are counted again, which other processes write, too."""
@@ -180,29 +179,6 @@ class DepthStore:
                 "past_range": np.array([depth.past.low, depth.past.step]),
             },
         )
-
-    def moving(self, frame: int, make: Callable[[], Mask], kind: str = "moving") -> Mask:
-        """(h, w) as `masks`, of one frame."""
-        return self.masks([frame], kind, lambda frame: make())[frame]
-
-    def masks(self, frames: Sequence[int], kind: str, make: Callable[[int], Mask]) -> dict[int, Mask]:
-        """(h, w) what moves in frames, of one of `KINDS` and whatever else its name is to tell: as it is
-        kept, else made and kept; see `made`."""
-
-        def name(frame: int) -> str:
-            return f"{kind}-{frame:06d}"
-
-        def read(frame: int) -> Mask | None:
-            kept = self.read(name(frame), ("moving",))
-            found = None if kept is None else decoded(kept["moving"], LONGEST_SIDE)
-            return None if found is None else np.asarray(np.asarray(found, np.uint8) > 0)
-
-        def made(frame: int) -> Mask:
-            mask = make(frame)
-            self.write(name(frame), {"moving": encoded(mask.astype(np.uint8))})
-            return mask
-
-        return self.made(frames, name, read, made)
 
     def made[R](
         self,

@@ -1,7 +1,7 @@
 """Dense inverse depth of a frame from the clip itself and the cameras that were solved for it.
 
 Neighbour frames are chosen by baseline; a plane sweep over them, regularised by semiglobal matching, gives
-each pixel's inverse depth; pixels whose motion contradicts it move by themselves, as those of a mask do.
+each pixel's inverse depth; the moving pixels of a mask are placed where they stand.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from ..media.clip import encode_srgb
 from ..media.picture_file import Pixels
 from .completion import CompletionOptions, interpolate, smooth, splat
 from .matching import Features, Matcher, MatchingOptions, matched_levels, winning_levels
-from .motion_segmentation import MASKED, MotionOptions, moving_pixels, occluding_pixels
 from .moving_objects import MovingObjectOptions, place_moving_objects
 from .object_tracks import ClipObjects, Subject
+from .occlusion import MASKED, occluding_pixels
 from .plane_sweep import View, small_picture
 from .source import FAINTEST
 from .sparse import frame_features
@@ -46,9 +46,6 @@ class StereoOptions:
     """Of the longer side, by which the scene's depths should move apart in the farthest neighbour. By eye."""
     depth_parallaxes: tuple[float, ...] = (1.0, 0.6, 0.3)
     """Of the widest parallax, in the neighbours on either side that the sweep uses. By eye."""
-    motion_parallaxes: tuple[float, ...] = (0.12, 0.05)
-    """Of the widest parallax, in the neighbours on either side that tell what moves: so close that little is
-    hidden in them. By eye."""
     level_step: float = 1.25
     """Pixels in the farthest neighbour between two depth levels. By eye."""
     levels: tuple[int, int] = (16, 64)
@@ -81,8 +78,6 @@ class StereoOptions:
     """How a pixel's depth level is chosen and trusted."""
     completion: CompletionOptions = field(default_factory=CompletionOptions)
     """Depth where there are only sparse points, and smooth surfaces."""
-    motion: MotionOptions = field(default_factory=MotionOptions)
-    """What moves by itself."""
     objects: MovingObjectOptions = field(default_factory=MovingObjectOptions)
     """The depth of that."""
 
@@ -133,23 +128,19 @@ class PlaneSweepStereo:
         read: Callable[[int], Pixels],
         options: StereoOptions = StereoOptions(),
         mask: Moving | None = None,
-        finds_motion: bool = True,
         subjects: Callable[[], Sequence[Subject]] = tuple,
-        unmatched: Moving | None = None,
         unseen: Moving | None = None,
         matcher: Matcher = winning_levels,
     ) -> None:
         """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself, of
-        which each of `subjects()` is one thing; where `finds_motion`, more may be found.
+        which each of `subjects()` is one thing.
 
-        `mask` is asked for of frames whose objects are placed and of some around; where it takes long to
-        find, `unmatched` may tell less of it in frames that are swept, and `unseen` in their many source
-        views. `matcher` finds the levels of pixels.
+        `mask` is asked for of frames that are swept, and of some around; where it takes long to find,
+        `unseen` may tell less of it in their many source views. `matcher` finds the levels of pixels.
         """
         options = options if reconstruction.is_ordered else options.of_photos()
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
-        self._finds_motion, self._subjects = finds_motion, subjects
-        self._unmatched, self._unseen, self._matcher = unmatched or mask, unseen or mask, matcher
+        self._subjects, self._unseen, self._matcher = subjects, unseen or mask, matcher
         self._pictures = LRUCache[Bytes](KEPT_PICTURES, lambda picture: picture.nbytes)
         self._ranges = LRUCache[tuple[float, float]](KEPT_SPANS)
         self._parallaxes = LRUCache[list[tuple[Image, float]]](2 * KEPT_SPANS)
@@ -168,7 +159,7 @@ class PlaneSweepStereo:
         """
         options, completion = self._options, self._options.completion
         image, _ = self._rec.image_at(frame)
-        masked = self.on_canvas(image, self._unmatched(frame) if self._unmatched else None)
+        masked = self._masked(image)
         canvas, own = self._canvas(image), self._picture(image).copy()
         own[masked, 3] = np.minimum(own[masked, 3], MASKED)
         shape = (own.shape[0], own.shape[1])
@@ -200,26 +191,17 @@ class PlaneSweepStereo:
             if len(features.points) >= options.least_points:
                 inverse = share * inverse + (1 - share) * sparse
         checkpoint(0.8)
-        found = DenseDepth(frame, inverse, confidence, masked, canvas.pinhole)
-        return self._with_motion(image, found, middle)
+        confidence = np.where(masked, np.float32(0), confidence)
+        return DenseDepth(frame, inverse, confidence, masked, canvas.pinhole)
 
     def with_moving_objects(self, frame: int, inverse: Map, confidence: Map) -> DenseDepth:
         """Depth (h, w) of a frame that was found from others, with its confidence (h, w), and what moves by
         itself in it, placed where it stands; errors as `matched`."""
         image, _ = self._rec.image_at(frame)
-        span = self._range(image)
-        found = DenseDepth(frame, inverse, confidence, self._masked(image), self.pinhole(frame))
-        return self._placed(image, self._with_motion(image, found, sum(span) / 2), span)
-
-    def _with_motion(self, image: Image, depth: DenseDepth, middle: float) -> DenseDepth:
-        """Depth with what moves besides what is masked; `middle` is an inverse depth in 1 / scene units."""
-        options, moving = self._options, depth.moving
-        if self._finds_motion and min(moving.shape) >= options.motion.least_side:
-            own = self._picture(image)
-            close = self._neighbours(image, self._range(image), options.motion_parallaxes)
-            closest = [self._view(image, own, one, middle) for one in close]
-            moving = moving | moving_pixels(own, closest, depth.inverse_depth, middle, options.motion)
-        return replace(depth, moving=moving, confidence=np.where(moving, np.float32(0), depth.confidence))
+        masked = self._masked(image)
+        confidence = np.where(masked, np.float32(0), confidence)
+        found = DenseDepth(frame, inverse, confidence, masked, self.pinhole(frame))
+        return self._placed(image, found, self._range(image))
 
     def _placed(self, image: Image, depth: DenseDepth, span: tuple[float, float]) -> DenseDepth:
         """Depth with what moves where it stands; `span` is the least and the largest inverse depth."""
@@ -230,7 +212,7 @@ class PlaneSweepStereo:
         guide = cv2.cvtColor(own[..., :3], cv2.COLOR_RGB2GRAY).astype(np.float32)
         near = self._neighbours(image, span, options.depth_parallaxes)
         views = [self._view(image, own, one, middle) for one in near]
-        occluding = occluding_pixels(own, views, depth.inverse_depth, middle, options.motion)
+        occluding = occluding_pixels(own, views, depth.inverse_depth, middle)
         placed = place_moving_objects(
             guide, depth.inverse_depth, depth.confidence, self._objects.of(image, depth.moving), occluding,
             depth.pinhole, options.completion, options.objects,
@@ -263,7 +245,7 @@ class PlaneSweepStereo:
             image, _ = self._rec.image_at(frame)
             span = self._range(image)
             wanted[image.frame] = image
-            for shares in (options.depth_parallaxes, options.motion_parallaxes, options.probe_parallaxes):
+            for shares in (options.depth_parallaxes, options.probe_parallaxes):
                 near = self._neighbours(image, span, shares)
                 wanted |= {one.image.frame: one.image for one in near}
         for _, image in sorted(wanted.items()):

@@ -33,7 +33,6 @@ from ..media.noise import Noise, measured
 from ..media.picture_file import Pixels
 from ..subjects.carried import CarriedSubject
 from ..subjects.clip_subjects import ClipSubject, ClipSubjects
-from ..subjects.found import FoundSubjects
 from ..subjects.strokes import MarkedSubject
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
 from .highlights import RESTORED, ClipHighlights, HighlightSettings
@@ -102,15 +101,13 @@ class ClipContext:
     def _stereo(self, quality: Quality) -> TemporalFusion:
         if not quality.finds_subjects:
             alone = PlaneSweepStereo(
-                self.reconstruction, self.read, quality.stereo, self.masks, finds_motion=False,
-                matcher=self.matcher,
-            )  # fmt: skip
+                self.reconstruction, self.read, quality.stereo, self.masks, matcher=self.matcher
+            )
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
         store = self._store_of(quality)
         single_frame = PlaneSweepStereo(
-            self.reconstruction, self.read, quality.stereo, self.moving, finds_motion=False,
-            subjects=self._parts.placed, unmatched=self.left_out, unseen=self.masks or _nothing,
-            matcher=self.matcher,
+            self.reconstruction, self.read, quality.stereo, self.moving,
+            self._parts.placed, unseen=self.masks or _nothing, matcher=self.matcher,
         )  # fmt: skip
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
 
@@ -118,19 +115,14 @@ class ClipContext:
         """Return the moving pixels of a frame; see `MovingParts.mask`."""
         return self._parts.mask(frame)
 
-    def left_out(self, frame: int) -> Mask | None:
-        """Return the pixels of a frame that others take no depth and colours from; see
-        `MovingParts.left_out`."""
-        return self._parts.left_out(frame)
-
     def subject(self, name: str, frame: int) -> Mask:
         """Return a subject (h, w) in a frame, over the source frame at any size; UserError for a name that no
-        subject has, else as of `FoundSubjects.mask`."""
+        subject has, else as of `MovingParts.mask`."""
         return self._parts.named(name).mask(frame)
 
     @property
     def every_subject(self) -> list[ClipSubject]:
-        """The subjects that are marked, and the people who are not among them."""
+        """The subjects that are marked, and the people and other moving objects that are not among them."""
         return self._parts.every_subject
 
     @property
@@ -159,17 +151,13 @@ class ClipContext:
 
     @cached_property
     def _parts(self) -> MovingParts:
-        return MovingParts(self.reconstruction, self.read, self._subjects, self.marked, self.masks)
-
-    @property
-    def subjects(self) -> FoundSubjects:
-        """What contradicts the static scene."""
-        return self._subjects.found
+        return MovingParts(
+            self.reconstruction, self.read, self._subjects, self.marked, self.masks, self.matcher
+        )
 
     @cached_property
     def _subjects(self) -> ClipSubjects:
-        found = FoundSubjects(self.reconstruction, self.read, self.masks, matcher=self.matcher)
-        return self.known_subjects or ClipSubjects(found)
+        return self.known_subjects or ClipSubjects(self.reconstruction, self.read)
 
     def _store_of(self, quality: Quality) -> DepthStore | None:
         """The one store of a quality: each counts what it writes."""
@@ -355,7 +343,7 @@ class ClipContext:
         if highlights not in self._disocclusion:
             self._disocclusion.clear()
             self._disocclusion[highlights] = DisocclusionFill(
-                self.reconstruction, lambda other: self.picture(other, highlights), self.left_out
+                self.reconstruction, lambda other: self.picture(other, highlights), self.moving
             )
         fill = self._disocclusion[highlights]
         found = fill.reprojected(frame, canvas, picture, depth.inverse_depth, depth.moving, depth.past_border)

@@ -14,6 +14,7 @@ from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..camera.reconstruction import Reconstruction
 from ..depth.flat_scene import FlatScene, Outline, flat_scene, outline
+from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving
 from ..depth.object_tracks import Subject
 from ..depth.source import FAINTEST
@@ -24,6 +25,7 @@ from ..subjects.matte import matte
 from ..subjects.people import sampled
 from ..subjects.pictures import displayed
 from ..subjects.standing import Standing
+from ..subjects.static_depth import StaticDepth
 from ..subjects.strokes import MarkedSubject
 
 KEPT_MASKS = 64
@@ -33,7 +35,7 @@ come."""
 
 @dataclass(frozen=True)
 class MovingParts:
-    """Which pixels of each frame move, and how far they are. Errors as of `FoundSubjects.mask`."""
+    """Which pixels of each frame move, and how far they are. Errors as of `ClipPictures.picture`."""
 
     reconstruction: Reconstruction
     read: Callable[[int], Pixels]
@@ -44,16 +46,20 @@ class MovingParts:
     """Subjects that the user has marked by strokes."""
     masks: Moving | None
     """The opacity in [0, 1] of moving pixels by the user's masks, (h, w) of a source frame at any size."""
+    matcher: Matcher = winning_levels
+    """Finds the depth levels of pixels."""
 
     @cached_property
     def every_subject(self) -> list[ClipSubject]:
-        """The subjects that are marked, and the people who are not among them."""
-        return [*(self.subjects.marked(each) for each in self.marked), *self.people]
+        """The subjects that are marked, and the people and other moving objects that are not among them."""
+        marked = [self.subjects.marked(each) for each in self.marked]
+        return [*marked, *self.people, *self.subjects.others(marked, self.subjects.objects)]
 
     @cached_property
     def people(self) -> list[ClipSubject]:
         """The people of the clip whom no marked subject covers."""
-        return self.subjects.others([self.subjects.marked(each) for each in self.marked])
+        marked = [self.subjects.marked(each) for each in self.marked]
+        return self.subjects.others(marked, self.subjects.people)
 
     def named(self, name: str) -> ClipSubject:
         """Return a subject by its name; UserError for a name that no subject has."""
@@ -78,12 +84,7 @@ class MovingParts:
     def mask(self, frame: int) -> Mask | None:
         """Return the moving pixels (h, w) of a frame, over the source frame at any size: those of subjects,
         found or marked, and of masks; None where there are none of these. Each quality has the same."""
-        return self._masks.get(frame, lambda: self._moving(frame, self.subjects.found.mask))
-
-    def left_out(self, frame: int) -> Mask | None:
-        """Return (h, w) as `mask`, of frames that others take depth and colours from: by their own evidence
-        alone, so that one frame does not need that of dozens."""
-        return self._left_out.get(frame, lambda: self._moving(frame, self.subjects.found.mask_alone))
+        return self._masks.get(frame, lambda: self._moving(frame))
 
     def placed(self) -> list[Subject]:
         """Return every subject with its distance."""
@@ -107,11 +108,16 @@ class MovingParts:
         """Return the distance of a subject through the clip."""
         if subject.key not in self._distances:
             stays = self.reconstruction.stays
-            ground = self if stays else Standing(self.subjects.found.plates, self._known)
+            ground = self if stays else Standing(self.static, self._known)
             self._distances[subject.key] = SubjectDistance(
                 self.subjects.pictures, subject.mask, partial(ground.inverse_depths, subject.mask)
             )
         return self._distances[subject.key]
+
+    @cached_property
+    def static(self) -> StaticDepth:
+        """Coarse depth of the static scene."""
+        return StaticDepth(self.reconstruction, self.read, self.masks, self.subjects.store, self.matcher)
 
     @cached_property
     def scene(self) -> FlatScene:
@@ -149,14 +155,9 @@ class MovingParts:
         """(h, w) all subjects in a frame; there is at least one."""
         return united([each.mask(frame) for each in self.every_subject])
 
-    def _moving(self, frame: int, find: Callable[[int], Mask | None]) -> Mask | None:
-        """(h, w) subjects and masks of a frame, and moving pixels that a function finds.
-
-        In photos nothing is found: their order in time is not known.
-        """
+    def _moving(self, frame: int) -> Mask | None:
+        """(h, w) subjects and masks of a frame."""
         subjects = [each.mask(frame) for each in self.every_subject]
-        if self.reconstruction.is_ordered and (found := find(frame)) is not None:
-            subjects.append(without_known(found, united(subjects)) if subjects else found)
         masked = self.masks(frame) if self.masks else None
         if not subjects:
             return None if masked is None else np.asarray(masked > FAINTEST)
@@ -172,19 +173,5 @@ class MovingParts:
         return LRUCache(KEPT_MASKS)
 
     @cached_property
-    def _left_out(self) -> LRUCache[Mask | None]:
-        return LRUCache(KEPT_MASKS)
-
-    @cached_property
     def _distances(self) -> dict[str, SubjectDistance]:
         return {}
-
-
-def without_known(found: Mask, known: Mask) -> Mask:
-    """Return moving pixels (h, w) without the connected parts that known subjects (H, W) mostly cover."""
-    covered = cv2.resize(known.astype(np.uint8), found.shape[1::-1], interpolation=cv2.INTER_NEAREST)
-    number, labels, stats, _ = cv2.connectedComponentsWithStats(found.astype(np.uint8))
-    shared = np.bincount(labels[covered > 0], minlength=number)
-    kept = 2 * shared < stats[:, cv2.CC_STAT_AREA]
-    kept[0] = False
-    return np.asarray(kept[labels])

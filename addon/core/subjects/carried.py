@@ -76,6 +76,8 @@ class CarriedSubject:
     strokes: tuple[Stroke, ...]
     carried: Callable[[tuple[Stroke, ...]], CarriedSubject] | None = None
     """Returns the subject of fewer strokes, which may be carried already."""
+    corrects: bool = True
+    """Whether strokes correct what those before them have found; else each frame's are cut out anew."""
     _tracks: dict[int, Track] = field(default_factory=dict, repr=False, compare=False)
     _firsts: dict[int, tuple[Cut, bool]] = field(default_factory=dict, repr=False, compare=False)
 
@@ -133,7 +135,7 @@ class CarriedSubject:
 
     def _prior(self, frame: int, earlier: tuple[Stroke, ...]) -> Map | None:
         """(h, w) its probability in a frame by earlier strokes; None where none of them adds."""
-        if not any(stroke.adds for stroke in earlier):
+        if not self.corrects or not any(stroke.adds for stroke in earlier):
             return None
         known = self.carried or partial(CarriedSubject, self.pictures, self.networks)
         return known(earlier).cut(frame).share

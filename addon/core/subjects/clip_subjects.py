@@ -1,4 +1,4 @@
-"""The subjects of a clip: its people, and those that the user marks."""
+"""The subjects of a clip: its people and other moving objects, and those that the user marks."""
 
 from __future__ import annotations
 
@@ -11,17 +11,22 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Mask
+from ..camera.reconstruction import Reconstruction
 from ..depth.depth_store import LONGEST_SIDE, DepthStore, decoded, encoded
+from ..media.picture_file import Pixels
 from .carried import SAME_PERSON, CarriedSubject, PeopleOfClip, Track, neighbours
 from .cut import Cut
-from .found import FoundSubjects
+from .gate import moving_tracks
 from .networks import Networks
+from .objects import ObjectsOfClip
 from .people import overlap_of, sampled
 from .pictures import ClipPictures
 from .strokes import MarkedSubject, Stroke
 
 PEOPLE = "moving-people"
 """Name of the kept file of the frames in which people are known, and their probability there."""
+OBJECTS = "moving-objects"
+"""Name of the kept file of the strokes that mark other moving objects."""
 KEPT_SUBJECTS = 12
 """Marked subjects that are remembered: a clip's, and those before the last strokes."""
 
@@ -71,16 +76,19 @@ class ClipSubject:
 class ClipSubjects:
     """The subjects of a clip, whatever is marked."""
 
-    found: FoundSubjects
-    """Whatever contradicts the static scene."""
+    reconstruction: Reconstruction
+    read: Callable[[int], Pixels]
+    """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
+    store: DepthStore | None = None
+    """Where subjects are kept."""
     networks: Networks = field(default_factory=Networks)
     _carried: OrderedDict[str, CarriedSubject] = field(default_factory=OrderedDict, repr=False, compare=False)
 
     @cached_property
     def pictures(self) -> ClipPictures:
         """Small pictures of the registered frames."""
-        frames = tuple(int(frame) for frame in self.found.reconstruction.frames)
-        return ClipPictures(frames, self.found.read)
+        frames = tuple(int(frame) for frame in self.reconstruction.frames)
+        return ClipPictures(frames, self.read)
 
     def carried(self, marked: MarkedSubject) -> CarriedSubject:
         """Return a marked subject, carried through the clip; the last `KEPT_SUBJECTS` are remembered."""
@@ -102,32 +110,31 @@ class ClipSubjects:
 
     def marked(self, marked: MarkedSubject) -> ClipSubject:
         """Return a marked subject in all frames."""
-        return ClipSubject(marked.name, marked.key, self.carried(marked).cut, self.found.store)
+        return ClipSubject(marked.name, marked.key, self.carried(marked).cut, self.store)
 
     @property
     def knows_people(self) -> bool:
         """Whether `people` need not be looked for."""
-        store = self.found.store
-        return "people" in self.__dict__ or (store is not None and store.is_kept(PEOPLE))
+        return "people" in self.__dict__ or (self.store is not None and self.store.is_kept(PEOPLE))
 
     @cached_property
     def people(self) -> list[ClipSubject]:
         """Each of the people who are the clip's subjects; none without networks, and in photos, whose order
         is not known."""
-        if not self.found.reconstruction.is_ordered or not self.networks.exist:
+        if not self.reconstruction.is_ordered or not self.networks.exist:
             return []
         tracks = self._kept_people()
         if tracks is None:
             tracks = PeopleOfClip(self.pictures, self.networks).tracks
             self._keep_people(tracks)
         return [
-            ClipSubject(f"person {number}", f"person{number}", track.cut, self.found.store)
+            ClipSubject(f"person {number}", f"person{number}", track.cut, self.store)
             for number, track in enumerate(tracks, 1)
         ]
 
     def _kept_people(self) -> list[Track] | None:
         """The people of the clip as they are kept, not yet carried; None where they are not."""
-        kept = self.found.store and self.found.store.read(PEOPLE, ("frames", "trusts", "shares"))
+        kept = self.store and self.store.read(PEOPLE, ("frames", "trusts", "shares"))
         shares = decoded(kept["shares"], LONGEST_SIDE) if kept else None
         if not kept or shares is None:
             return None
@@ -144,21 +151,64 @@ class ClipSubjects:
         return tracks
 
     def _keep_people(self, tracks: list[Track]) -> None:
-        if self.found.store is not None:
+        if self.store is not None:
             # There is no PNG without pixels.
             shares = [np.rint(255 * track.first.share).astype(np.uint8) for track in tracks]
             planes = np.vstack(shares or [np.zeros((1, 1), np.uint8)])
             frames = np.array([track.start for track in tracks], int)
             trusts = np.array([track.first.trust for track in tracks], float)
-            self.found.store.write(PEOPLE, {"frames": frames, "trusts": trusts, "shares": encoded(planes)})
+            self.store.write(PEOPLE, {"frames": frames, "trusts": trusts, "shares": encoded(planes)})
 
-    def others(self, marked: Sequence[ClipSubject]) -> list[ClipSubject]:
-        """Return the people whom no marked subject covers in the frames that people are looked for in."""
-        return [person for person in self.people if not any(self._is_same(person, each) for each in marked)]
+    @cached_property
+    def objects(self) -> list[ClipSubject]:
+        """Each of the other moving objects; none in photos, and in clips in which nothing moves for sure."""
+        kept = self._kept_objects()
+        if kept is None:
+            tracks = list(moving_tracks(self.reconstruction, self.read))
+            found = ObjectsOfClip(tracks, self._object, self._people_in).subjects()
+            self._keep_objects([each.strokes for each in found])
+        else:
+            found = [self._object(strokes) for strokes in kept]
+        return [
+            ClipSubject(f"object {number}", f"object{number}", each.cut, self.store)
+            for number, each in enumerate(found, 1)
+        ]
 
-    def _is_same(self, person: ClipSubject, marked: ClipSubject) -> bool:
+    def _object(self, strokes: tuple[Stroke, ...]) -> CarriedSubject:
+        return CarriedSubject(self.pictures, self.networks, strokes, corrects=False)
+
+    def _people_in(self, frame: int) -> Mask:
+        """(h, w) all people in a frame."""
+        nobody = np.zeros(self.pictures.picture(frame).shape[:2], bool)
+        return united([nobody, *(each.mask(frame) for each in self.people)])
+
+    def _kept_objects(self) -> list[tuple[Stroke, ...]] | None:
+        """The strokes of moving objects as they are kept; None where they are not."""
+        kept = self.store and self.store.read(OBJECTS, ("frames", "counts", "places"))
+        if not kept or kept["places"].shape != (len(kept["frames"]), 2):
+            return None
+        rows = zip(kept["frames"].tolist(), kept["places"].tolist(), strict=True)
+        strokes = [Stroke(int(frame), ((float(x), float(y)),)) for frame, (x, y) in rows]
+        ends = np.cumsum(kept["counts"].astype(int)).tolist()
+        return [tuple(strokes[start:end]) for start, end in zip([0, *ends], ends, strict=False)]
+
+    def _keep_objects(self, strokes: list[tuple[Stroke, ...]]) -> None:
+        if self.store is not None:
+            dots = [dot for each in strokes for dot in each]
+            kept = {
+                "frames": np.array([dot.frame for dot in dots], int),
+                "counts": np.array([len(each) for each in strokes], int),
+                "places": np.array([dot.places[0] for dot in dots], float).reshape(-1, 2),
+            }
+            self.store.write(OBJECTS, kept)
+
+    def others(self, marked: Sequence[ClipSubject], found: Sequence[ClipSubject]) -> list[ClipSubject]:
+        """Return the found subjects that no marked one covers in the frames that people are looked for in."""
+        return [each for each in found if not any(self._is_same(each, other) for other in marked)]
+
+    def _is_same(self, found: ClipSubject, marked: ClipSubject) -> bool:
         frames = sampled(self.pictures.frames)
-        shown = [(mask, marked.mask(frame)) for frame in frames if (mask := person.mask(frame)).any()]
+        shown = [(mask, marked.mask(frame)) for frame in frames if (mask := found.mask(frame)).any()]
         return bool(shown) and float(np.median([overlap_of(*pair) for pair in shown])) >= SAME_PERSON
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -45,13 +46,51 @@ street at night has no tracks of moving objects."""
 AGREEING = 0.75
 """Least share of a track's neighbours, itself included, that contradict a still scene on a moving object.
 Without it a still garden has 32 such tracks, with it none."""
+APART_ALIKE, ALIKE = 0.18, 1 / 480
+"""Distance within which tracks that move alike are of one object, parts of which something hides, and
+difference of their motion in a frame, as shares of the long side. Without them a tram behind pickets, in 36
+frames of 320x180 pixels, has `TRACKS` neighbouring tracks in a single sampled frame, with them in seven of
+eight."""
 TRACKS = 8
 """Tracks of moving objects that two sampled frames in a row must both have, measured by
 `python -m benchmarks.accuracy.automatic_subjects`."""
 
 
-def moves(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> bool:
-    """Return whether a clip certainly has moving objects; False for photos.
+@dataclass(frozen=True)
+class MovingTracks:
+    """Tracks of moving objects in one sampled frame."""
+
+    frame: int
+    """Number of the source frame."""
+    tracks: Floats
+    """(n, 3, 2) places in the frame before, in it, and in the frame after, over the long side of the picture,
+    (0, 0) top left; NaN where lost."""
+    shape: tuple[int, ...]
+    """(h, w) of the picture."""
+
+    def groups(self) -> list[Floats]:
+        """Return the places (m, 2), shares of the picture, of each group of at least `TRACKS` tracks.
+
+        A track is in the group of another one that is nearer than `AROUND`, or nearer than `APART_ALIKE` and
+        moves alike.
+        """
+        count, here = len(self.tracks), self.tracks[:, 1]
+        away = np.linalg.norm(here[:, None] - here[None], axis=2)
+        steps = np.diff(self.tracks, axis=1)
+        off = np.linalg.norm(steps[:, None] - steps[None], axis=3)
+        known = np.isfinite(off)
+        alike = known.any(axis=2) & (np.where(known, off, 0).max(axis=2, initial=0) < ALIKE)
+        near = (away < AROUND) | ((away < APART_ALIKE) & alike)
+        labels, before = np.arange(count), None
+        while before is None or (labels != before).any():
+            # Each takes the least label of its neighbours.
+            before, labels = labels, np.where(near, labels, count).min(axis=1, initial=count)
+        places = here * (max(self.shape) / np.array(self.shape[::-1]))
+        return [places[labels == label] for label in np.flatnonzero(np.bincount(labels) >= TRACKS)]
+
+
+def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> Iterator[MovingTracks]:
+    """Yield the tracks of moving objects in each sampled frame; nothing for photos.
 
     Args:
         reconstruction: The registered frames of a clip.
@@ -60,15 +99,9 @@ def moves(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> bool
     Raises:
         UserError: A frame cannot be read.
     """
-    if not reconstruction.is_ordered or len(reconstruction.images) < 2:
-        return False
-    counts = moving_tracks(reconstruction, read)
-    return any(min(pair) >= TRACKS for pair in itertools.pairwise(counts))
-
-
-def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> Iterator[int]:
-    """Yield the number of tracks of moving objects in each sampled frame; arguments and errors as `moves`."""
     images = reconstruction.images
+    if not reconstruction.is_ordered or len(images) < 2:
+        return
     edge = min(REACH, len(images) // 4)
     samples = int(np.clip(len(images) // (2 * REACH), *SAMPLES))
     for number in np.unique(np.linspace(edge, len(images) - 1 - edge, samples).round().astype(int)):
@@ -77,8 +110,15 @@ def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels])
         pictures, cameras = zip(*(_small(reconstruction, image, read) for image in window), strict=True)
         tracks = followed(pictures, here)
         residual = still_residuals(tracks, window, cameras, here)
-        found = on_moving_objects(tracks[:, here], residual, pictures[here].shape)
-        yield int(np.count_nonzero(found))
+        shape = pictures[here].shape
+        moving = tracks[on_moving_objects(tracks[:, here], residual, shape)].astype(float)
+        padded = np.pad(moving, ((0, 0), (1, 1), (0, 0)), constant_values=np.nan)
+        yield MovingTracks(images[number].frame, (padded[:, here : here + 3] + 0.5) / max(shape), shape)
+
+
+def moves(tracks: Sequence[MovingTracks]) -> bool:
+    """Return whether a clip with these moving tracks certainly has moving objects."""
+    return any(min(len(each.tracks) for each in pair) >= TRACKS for pair in itertools.pairwise(tracks))
 
 
 def _small(

@@ -18,9 +18,6 @@ from .flow import ClipFlow
 LONG_SIDE = 512
 """Pixels of the long side. The networks see crops of at most 256 pixels; a guided filter finds the
 outline at the frame's own size."""
-PRESET = cv2.DISOPTICAL_FLOW_PRESET_MEDIUM
-"""Of the flow: a stroke carried through four clips has a mean intersection over union of 0.856, and 0.841
-with the fast preset, for 0.02 s a frame."""
 KEPT = 48
 """Pictures that are remembered."""
 
@@ -44,7 +41,7 @@ class ClipPictures:
     @cached_property
     def flow(self) -> ClipFlow:
         """Optical flow between frames that follow each other."""
-        return ClipFlow(self.frames, self.picture, PRESET)
+        return ClipFlow(self.frames, self.picture)
 
 
 def small(stored: Pixels) -> Bytes:

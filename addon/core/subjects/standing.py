@@ -12,7 +12,7 @@ from ..base.arrays import Map, Mask
 from ..base.progress import checkpoint
 from ..depth.ground_contact import Plane, contact, ground_below, rays_of, upright
 from ..depth.view_selection import relative_pose
-from .static_plate import StaticPlate
+from .static_depth import StaticDepth
 
 GROWN = 7
 """Pixels across the dilation of moving pixels, whose outline is no static scene."""
@@ -38,7 +38,7 @@ class Standing:
     Errors as of `PlaneSweepStereo.at`.
     """
 
-    plates: StaticPlate
+    static: StaticDepth
     moving: Callable[[int], Mask]
     """All moving pixels (h, w) of a source frame, at any size."""
 
@@ -60,7 +60,7 @@ class Standing:
             return points
         masks = {frame: self._shown(subject, frame) for frame in frames}
         masks = {frame: mask for frame, mask in masks.items() if mask.any()}
-        static = {frame: self.plates.inverse_depth(frame, self._left_out) for frame in masks}
+        static = {frame: self.static.inverse_depth(frame, self._left_out) for frame in masks}
         found = self._by_ground(masks, static)
         hidden = {frame: float(np.median(static[frame][masks[frame]])) for frame in found}
         return {frame: inverse for frame, inverse in found.items() if inverse >= hidden[frame]} or found
@@ -79,7 +79,7 @@ class Standing:
         for frame, mask in masks.items():
             nearest = min(planes, key=lambda other: abs(other - frame))
             plane = self._seen_from(planes[nearest], nearest, frame)
-            pinhole = self.plates.canvas(frame).pinhole
+            pinhole = self.static.canvas(frame).pinhole
             touch = None if plane is None else contact(mask, plane, pinhole)
             if plane is not None and touch is not None and (base := touch.inverse_depth(0.0, plane)) > 0:
                 rows, columns = np.nonzero(mask)
@@ -97,14 +97,14 @@ class Standing:
             around &= cv2.dilate(mask, np.ones((INSET, INSET), np.uint8)) == 0
             if not inside.any() or not around.any():
                 continue
-            image, _ = self.plates.reconstruction.image_at(frame)
-            width = self.plates.reconstruction.intrinsics(image).width
+            image, _ = self.static.reconstruction.image_at(frame)
+            width = self.static.reconstruction.intrinsics(image).width
             columns, rows = (image.xy * mask.shape[1] / width).astype(int).T
             at = np.clip(rows, 0, len(mask) - 1), np.clip(columns, 0, mask.shape[1] - 1)
             own, others = inside[at], around[at]
             densities.append(own.sum() / inside.sum() * around.sum() / max(int(others.sum()), 1))
             if np.count_nonzero(own) >= LEAST_POINTS:
-                points = self.plates.reconstruction.points.xyz[image.points[own]]
+                points = self.static.reconstruction.points.xyz[image.points[own]]
                 found[frame] = float(np.median(1 / (points @ image.rotation[2] + image.translation[2])))
         return found if densities and np.median(densities) >= STILL else {}
 
@@ -121,17 +121,17 @@ class Standing:
         return float(np.median(static[below]))
 
     def _shown(self, subject: Callable[[int], Mask], frame: int) -> Mask:
-        image, _ = self.plates.reconstruction.image_at(frame)
-        return self.plates.on_canvas(image, subject(frame))
+        image, _ = self.static.reconstruction.image_at(frame)
+        return self.static.on_canvas(image, subject(frame))
 
     def _ground(self, frame: int, mask: Mask, static: Map) -> Plane | None:
         """The ground around a subject (h, w) in a frame, in its camera's space."""
         checkpoint()
-        return ground_below(mask, static, ~self._left_out(frame), self.plates.canvas(frame).pinhole)
+        return ground_below(mask, static, ~self._left_out(frame), self.static.canvas(frame).pinhole)
 
     def _seen_from(self, plane: Plane, frame: int, other: int) -> Plane | None:
         """A plane in a frame's camera space, in that of another frame."""
-        here, there = (self.plates.reconstruction.image_at(each)[0] for each in (frame, other))
+        here, there = (self.static.reconstruction.image_at(each)[0] for each in (frame, other))
         return plane if here is there else plane.seen_from(*relative_pose(here, there))
 
     def _left_out(self, frame: int) -> Mask:

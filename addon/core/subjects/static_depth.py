@@ -1,0 +1,124 @@
+"""Coarse depth of the static scene in a frame, also behind moving objects, from other frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Map, Mask
+from ..base.lru_cache import LRUCache
+from ..base.progress import checkpoint
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Image, Reconstruction
+from ..depth.depth_store import DepthStore
+from ..depth.map_fusion import fused
+from ..depth.matching import Matcher, winning_levels
+from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepStereo
+from ..depth.reprojection import in_place
+from ..depth.shared_depth import found_once, not_kept
+from ..depth.view_selection import stride
+from ..media.picture_file import Pixels
+
+LONG_SIDE = 480
+"""Pixels of the longer side of what is returned."""
+STEP, LEAST_FRAMES = 8, 12
+"""Registered frames from one source frame to the next, and source frames of a short clip, even if that needs
+a smaller step."""
+SIDES = 6
+"""Source frames on either side of a frame."""
+BORDER = 4
+"""Pixels at a source frame's border that count next to nothing."""
+
+
+@dataclass(frozen=True)
+class StaticDepth:
+    """The depth of the static scene in a clip's frames. Errors as of `PlaneSweepStereo.at`."""
+
+    reconstruction: Reconstruction
+    read: Callable[[int], Pixels]
+    """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
+    masks: Moving | None = None
+    """Known moving pixels, (h, w) of a source frame at any size."""
+    store: DepthStore | None = None
+    """Where the depth of source frames is kept."""
+    matcher: Matcher = winning_levels
+    """Finds the depth levels of pixels."""
+    _depths: LRUCache[DenseDepth] = field(
+        default_factory=lambda: LRUCache[DenseDepth](8 * SIDES), repr=False, compare=False
+    )
+
+    @cached_property
+    def _sweep(self) -> PlaneSweepStereo:
+        return PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, matcher=self.matcher)
+
+    @cached_property
+    def _shown(self) -> PlaneSweepStereo:
+        return PlaneSweepStereo(self.reconstruction, self.read, replace(COARSE, long_side=LONG_SIDE))
+
+    def canvas(self, frame: int) -> Canvas:
+        """Return the undistorted picture of a frame at the size of its depth."""
+        return self._shown.canvas(frame)
+
+    def on_canvas(self, image: Image, mask: Map | Mask | None) -> Mask:
+        """Return where (h, w) of that picture a mask over the source frame, at any size, shows anything."""
+        return self._shown.on_canvas(image, mask)
+
+    def inverse_depth(self, frame: int, moving: Callable[[int], Mask]) -> Map:
+        """Estimate the inverse depth of the static scene in a frame, also behind moving objects.
+
+        Args:
+            frame: Number of the frame.
+            moving: Returns the moving pixels (h, w) of a source frame, at any size; these are left out.
+
+        Returns:
+            (h, w) in 1 / scene units.
+        """
+        here, _ = self.reconstruction.image_at(frame)
+        small, stack = self._sweep.pinhole(frame), []
+        for image in self._around(frame):
+            checkpoint()
+            depth = self._without(self._depth(image.frame), moving(image.frame))
+            inverse, weight, nearest = in_place(depth, image, small, here, 0, BORDER)
+            # Moving pixels of the frame itself hide the static scene.
+            stack.append((inverse, np.where(depth.moving, 0, weight) if image is here else weight, nearest))
+        inverses, weights, nearests = (np.stack(part) for part in zip(*stack, strict=True))
+        inverse, _, _ = fused(inverses, weights, nearests)
+        unseen = weights.max(axis=0) <= 0
+        pinhole = self._shown.pinhole(frame)
+        return np.asarray(
+            cv2.resize(_inpainted(inverse, unseen), (pinhole.width, pinhole.height)), np.float32
+        )
+
+    def _depth(self, frame: int) -> DenseDepth:
+        return self._depths.get(frame, lambda: self._found(frame))
+
+    def _found(self, frame: int) -> DenseDepth:
+        pinhole = self._sweep.pinhole
+        self._sweep.prefetch(not_kept(self.store, "coarse", [frame], pinhole))
+        return found_once(self.store, "coarse", [frame], pinhole, self._sweep.at)[frame]
+
+    def _around(self, frame: int) -> list[Image]:
+        """The source frames of a frame."""
+        images, at = self.reconstruction.images, int(np.searchsorted(self.reconstruction.frames, frame))
+        step = stride(self.reconstruction, STEP, LEAST_FRAMES)
+        return [images[i] for i in range(0, len(images), step) if abs(i - at) <= SIDES * step]
+
+    @staticmethod
+    def _without(depth: DenseDepth, moving: Mask) -> DenseDepth:
+        size = depth.moving.shape[::-1]
+        found = cv2.resize(moving.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+        return replace(depth, moving=depth.moving | found)
+
+
+def _inpainted(inverse: Map, unseen: Mask) -> Map:
+    """Inverse depth (h, w) with that of the surroundings where it is not known (h, w)."""
+    high = float(inverse.max())
+    if not unseen.any() or high <= 0:
+        return inverse
+    steps = np.rint(inverse * (65535 / high)).astype(np.uint16)
+    found = cv2.inpaint(steps, unseen.astype(np.uint8), 3, cv2.INPAINT_NS)
+    return np.where(unseen, found * np.float32(high / 65535), inverse).astype(np.float32)
