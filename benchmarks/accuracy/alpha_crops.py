@@ -4,11 +4,16 @@
 of a frame that mirrors it on all sides. The probability that the product starts from is
 simulated by `degraded`. *hard* is the opacity of layers without a matte: an outline found by colour, and
 mixed pixels taken apart.
+
+A second table is of composites: fur by each crop's opacity before what another crop shows, against the same
+seen by a lens that has one of both in focus, sRGB, in the same band. Other frames saw the background: not at
+all; beside its place and brighter (`OFF`); or wrongly.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 from collections.abc import Callable
 
 import cv2
@@ -16,10 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.depth.matte import outline_of
-from addon.core.media.clip import to_linear
+from addon.core.depth.source import FAINTEST
+from addon.core.media.clip import encode_srgb, to_linear
 from addon.core.subjects.matte import matte
 from addon.core.subjects.pictures import LONG_SIDE
-from addon.core.warp.layered_depth_image import split
+from addon.core.warp.layered_depth_image import Fill, split
 
 from .. import store
 from ..cost import cpu_seconds
@@ -39,6 +45,14 @@ NEARER = 10.0
 """Disparity of the subject, in pixels."""
 JUMP = 3.0
 """Pixels by more than which disparity jumps at silhouettes."""
+TILES = {0: ((4, 170, 0), (2, 0, 20)), 4: ((0, 120, 0), (0, 0, 180)), 5: ((5, 0, 170), (5, 100, 0))}
+"""By crop with the opacity, those that fur and background are taken from: crop, first row, first column."""
+TILE = 100
+"""Pixels across a square of fur or background, which is mirrored."""
+OFF = (2, 1.05)
+"""Pixels, and exposure."""
+WRONG = 25
+"""Pixels by which a wrong background is beside its place."""
 
 
 def main() -> None:
@@ -57,7 +71,69 @@ def main() -> None:
         scores = [float(-10 * np.log10(np.mean(each**2))) for each in errors]
         shown = " | ".join(f"{score:.2f}" for score in [*scores, np.mean(scores)])
         print(f"| {name} | {shown} | {cost:.2f} |", flush=True)
+    print("\n| background | matte | fur in focus | background in focus |\n|---|---|---|---|")
+    for row, scores in composites().items():
+        print(f"| {row} | {np.mean(scores, axis=0)[0]:.2f} | {np.mean(scores, axis=0)[1]:.2f} |", flush=True)
     print(store.provenance())
+
+
+def composites() -> dict[str, list[tuple[float, float]]]:
+    """PSNR of composites with fur and with their background in focus, by what is known of them."""
+    found = dict[str, list[tuple[float, float]]]()
+    for number, (fur, wall) in TILES.items():
+        _, alpha, band = _frame(number)
+        part = np.s_[SIZE[1] // 2 - 160 : SIZE[1] // 2 + 160, SIZE[0] // 2 - 160 : SIZE[0] // 2 + 160]
+        share, true = alpha[..., None] / np.float32(255), alpha[part] / np.float32(255)
+        near, far = (_mirrored(*place) for place in (fur, wall))
+        picture = share * near + (1 - share) * far
+        shown = np.rint(255 * encode_srgb(np.clip(picture, 0, 1))).astype(np.uint8)
+        own, behind = near[part], far[part]
+        mattes = {"true": true, "found": matte(shown, degraded(alpha))[part]}
+        fills: dict[str, Fill | None] = {
+            "not seen": None,
+            "off": _seen(OFF[1] * np.roll(behind, OFF[0], axis=1)),
+            "wrong": _seen(np.roll(behind, WRONG, axis=(0, 1))),
+        }
+        for (fill, fill_of), (name, opacity) in itertools.product(fills.items(), mattes.items()):
+            seen = _through_lens(to_linear(shown[part]), opacity, fill_of)
+            lens = _lens(np.dstack([share[part] * own, true]), behind)
+            scores = [_psnr(*pair, band[part]) for pair in zip(seen, lens, strict=True)]
+            found.setdefault(f"{fill} | {name}", []).append((scores[0], scores[1]))
+    return found
+
+
+def _through_lens(picture: Map, opacity: Map, fill: Fill | None) -> tuple[Map, Map]:
+    """A picture (H, W, 4) as its layers are seen with either in focus."""
+    disparity = np.where(opacity > FAINTEST, NEARER, 0).astype(np.float32)
+    layers = split(picture, disparity, JUMP, JUMP, fill, opacity=opacity)
+    front = layers.front * (layers.mixed | (disparity > 0))[..., None]
+    return _lens(front, layers.back[..., :3])
+
+
+def _lens(front: Map, behind: Map) -> tuple[Map, Map]:
+    """Something (H, W, 4), premultiplied, before a background (H, W, 3): in focus, and with that in focus."""
+    reach = int(NEARER)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1)).astype(np.float32)
+    soft, far = (
+        cv2.filter2D(each, -1, disc / disc.sum(), borderType=cv2.BORDER_REFLECT) for each in (front, behind)
+    )
+    return front[..., :3] + (1 - front[..., 3:]) * far, soft[..., :3] + (1 - soft[..., 3:]) * behind
+
+
+def _seen(behind: Map) -> Fill:
+    return lambda _, wanted: (behind * wanted[..., None], wanted)
+
+
+def _mirrored(number: int, row: int, column: int) -> Map:
+    """A frame (H, W, 3), linear, of a square of a crop and its mirror images."""
+    square = to_linear(_read(number, "image")[row : row + TILE, column : column + TILE, ::-1])[..., :3]
+    both = np.block([[[square], [square[:, ::-1]]], [[square[::-1]], [square[::-1, ::-1]]]])
+    return np.asarray(np.tile(both, (4, 7, 1))[: SIZE[1], : SIZE[0]], np.float32)
+
+
+def _psnr(picture: Map, true: Map, band: NDArray[np.bool_]) -> float:
+    error = encode_srgb(np.clip(picture, 0, 1)) - encode_srgb(np.clip(true, 0, 1))
+    return float(-10 * np.log10(np.mean(error[band] ** 2)))
 
 
 def degraded(alpha: Bytes) -> Bytes:
