@@ -72,8 +72,9 @@ def main() -> None:
         shown = " | ".join(f"{score:.2f}" for score in [*scores, np.mean(scores)])
         print(f"| {name} | {shown} | {cost:.2f} |", flush=True)
     print("\n| background | matte | fur in focus | background in focus |\n|---|---|---|---|")
-    for row, scores in composites().items():
-        print(f"| {row} | {np.mean(scores, axis=0)[0]:.2f} | {np.mean(scores, axis=0)[1]:.2f} |", flush=True)
+    for row, each in composites().items():
+        near, far = np.mean(each, axis=0)
+        print(f"| {row} | {near:.2f} | {far:.2f} |", flush=True)
     print(store.provenance())
 
 
@@ -94,8 +95,8 @@ def composites() -> dict[str, list[tuple[float, float]]]:
             "off": _seen(OFF[1] * np.roll(behind, OFF[0], axis=1)),
             "wrong": _seen(np.roll(behind, WRONG, axis=(0, 1))),
         }
-        for (fill, fill_of), (name, opacity) in itertools.product(fills.items(), mattes.items()):
-            seen = _through_lens(to_linear(shown[part]), opacity, fill_of)
+        for fill, name in itertools.product(fills, mattes):
+            seen = _through_lens(to_linear(shown[part]), mattes[name], fills[fill])
             lens = _lens(np.dstack([share[part] * own, true]), behind)
             scores = [_psnr(*pair, band[part]) for pair in zip(seen, lens, strict=True)]
             found.setdefault(f"{fill} | {name}", []).append((scores[0], scores[1]))
@@ -145,7 +146,7 @@ def degraded(alpha: Bytes) -> Bytes:
     solid = cv2.morphologyEx((alpha > 127).astype(np.float32), cv2.MORPH_OPEN, kernel)
     times = LONG_SIDE / max(alpha.shape)
     small = cv2.resize(solid, None, fx=times, fy=times, interpolation=cv2.INTER_AREA)
-    return np.rint(255 * cv2.GaussianBlur(small, (0, 0), BLUR)).astype(np.uint8)
+    return np.asarray(np.rint(255 * cv2.GaussianBlur(small, (0, 0), BLUR)), np.uint8)
 
 
 def _frame(number: int) -> tuple[Bytes, Bytes, NDArray[np.bool_]]:
