@@ -89,7 +89,10 @@ def composites() -> dict[str, list[tuple[float, float]]]:
         picture = share * near + (1 - share) * far
         shown = np.rint(255 * encode_srgb(np.clip(picture, 0, 1))).astype(np.uint8)
         own, behind = near[part], far[part]
-        mattes: dict[str, Map] = {"true": true, "found": matte(shown, degraded(alpha))[part]}
+        mattes: dict[str, Map] = {
+            "true": np.asarray(true, np.float32),
+            "found": matte(shown, degraded(alpha))[part],
+        }
         fills: dict[str, Fill | None] = {
             "not seen": None,
             "off": _seen(OFF[1] * np.roll(behind, OFF[0], axis=1)),
