@@ -161,7 +161,10 @@ class ClipSubjects:
 
     @cached_property
     def objects(self) -> list[ClipSubject]:
-        """Each of the other moving objects; none in photos, and in clips in which nothing moves for sure."""
+        """Each of the other moving objects; none in photos, before a camera that stays, and in clips in which
+        nothing moves for sure."""
+        if self.reconstruction.stays:
+            return []
         kept = self._kept_objects()
         if kept is None:
             tracks = list(moving_tracks(self.reconstruction, self.read))

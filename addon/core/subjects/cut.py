@@ -313,6 +313,8 @@ def _grabbed(picture: Bytes, adds: Mask, takes: Mask) -> Mask:
     near = distance(adds) < 0.12 * (box.right - box.left)
     trimap[near & (trimap == cv2.GC_PR_BGD)] = cv2.GC_PR_FGD
     trimap[adds], trimap[takes] = cv2.GC_FGD, cv2.GC_BGD
+    if np.isin(trimap, (cv2.GC_FGD, cv2.GC_PR_FGD)).all():
+        return adds
     cv2.setRNGSeed(0)
     models = np.zeros((1, 65)), np.zeros((1, 65))
     bgr = np.ascontiguousarray(picture[..., ::-1])
