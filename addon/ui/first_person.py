@@ -1,4 +1,4 @@
-"""The nearest person in focus after a solve, found in the background while nobody has picked a focus."""
+"""The nearest subject in focus after a solve, found in the background while nobody has picked a focus."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bpy.app.handlers import persistent
 
 from ..core.base.errors import UserError
 from ..core.focus.place import Place
-from ..core.frame.first_person import nearest_person
+from ..core.frame.first_person import nearest_subject
 from ..scene import aperture_cloud, focus_marks, redraw
 from ..scene.shot import IDENTITY, points_mesh, shot_of
 from .work import Work
@@ -21,7 +21,7 @@ LOOK = 0.5
 
 @dataclass(frozen=True)
 class Search:
-    """A search for the nearest person that is under way."""
+    """A search for the nearest subject that is under way."""
 
     work: Work[Place | None]
     scene: str
@@ -44,19 +44,19 @@ _search: Search | None = None
 
 
 def focus(scene: bpy.types.Scene) -> None:
-    """Put the nearest person in focus where nobody has picked a focus: in the window once one is found, else
-    now. UserError as of `shot_of` and `nearest_person`."""
+    """Put the nearest subject in focus where nobody has picked a focus: in the window once one is found, else
+    now. UserError as of `shot_of` and `nearest_subject`."""
     global _search
     settings = scene.virtual_aperture
     stop()
     if not settings.marks.is_first:
         return
     if bpy.app.background:
-        _put(settings, nearest_person(shot_of(scene).context))
+        _put(settings, nearest_subject(shot_of(scene).context))
         return
     # The preview works with the scene's own shot meanwhile.
     apart = shot_of(scene).apart()
-    work = Work(lambda: nearest_person(apart.context), pauses_preview=False)
+    work = Work(lambda: nearest_subject(apart.context), pauses_preview=False)
     _search = Search(work, scene.name, _identity(settings))
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=LOOK)
@@ -70,7 +70,7 @@ def in_focus(settings: bpy.types.PropertyGroup) -> str:
 
 def words() -> str:
     """Return a line about the search that is under way; empty without one."""
-    return "" if _search is None else f"Looking for people {_search.work.stage}"
+    return "" if _search is None else f"Looking for subjects {_search.work.stage}"
 
 
 def stop() -> None:

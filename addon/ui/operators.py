@@ -175,7 +175,7 @@ def solved_words(scene: bpy.types.Scene, summary: str) -> str:
 
 
 def focus_on_person(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
-    """Put the nearest person in focus where nobody has picked a focus, as `first_person.focus`."""
+    """Put the nearest subject in focus where nobody has picked a focus, as `first_person.focus`."""
     try:
         first_person.focus(scene)
     except UserError as error:

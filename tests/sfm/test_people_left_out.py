@@ -13,7 +13,7 @@ import pytest
 from addon.core.base.errors import Remedy
 from addon.core.base.messages import Failure, Message, Result, decode
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.first_person import nearest_person
+from addon.core.frame.first_person import nearest_subject
 from addon.core.media.clip import FrameRange, open_footage
 from addon.core.readers.colmap_export import read_model
 from addon.core.sfm.people_left_out import outside, without_people
@@ -189,7 +189,7 @@ def test_real_clips_of_people_without_parallax_are_solved(data: Path, tmp_path: 
     assert solved.reconstruction.stays and len(solved.reconstruction.images) == 40
     assert solved.quality.explained is not None and solved.quality.explained > 0.8
     context = ClipContext(solved.reconstruction, open_footage(data / "clips" / f"{name}.mp4").read)
-    place = nearest_person(context)
+    place = nearest_subject(context)
     assert place is not None and place.source == "the nearest person"
     away = np.array([place.followed[frame] for frame in sorted(place.followed)])
     assert away.min() > 1 and away.max() < 5 and np.abs(np.diff(np.log(away))).max() < 0.05

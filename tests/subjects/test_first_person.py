@@ -14,7 +14,7 @@ from addon.core.base.arrays import Bytes, Mask
 from addon.core.depth.depth_store import DepthStore, encoded
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
-from addon.core.frame.first_person import face_of, middle_of, nearest_person
+from addon.core.frame.first_person import face_of, middle_of, nearest_subject
 from addon.core.media.clip import open_footage
 from addon.core.subjects.clip_subjects import PEOPLE, ClipSubject, ClipSubjects
 from addon.core.subjects.cut import Cut
@@ -59,17 +59,20 @@ class Crowd(walls.Filmed):
         return Place(Focus(distance=away), frame, away, name, followed=followed)
 
 
-def test_the_nearest_person_in_the_first_frame_that_shows_one_is_in_focus() -> None:
+def test_the_nearest_subject_in_the_first_frame_that_shows_one_is_in_focus() -> None:
     clip = walls.filmed(walls.still)
-    found = nearest_person(Crowd(clip.reconstruction, clip.read), NONE)
+    found = nearest_subject(Crowd(clip.reconstruction, clip.read), NONE)
     assert found is not None and (found.frame, found.distance) == (2, NAMES["near"])
     assert found.source == "the nearest person" and sorted(found.followed) == list(walls.FRAMES)
     assert found.xy == pytest.approx((90 / WIDTH, 80 / HEIGHT), abs=0.01)
 
 
-def test_without_people_nobody_is_in_focus() -> None:
-    clip = walls.filmed(walls.still, (1, 2, 3))
-    assert nearest_person(clip) is None
+def test_without_people_a_moving_object_is_in_focus() -> None:
+    found = nearest_subject(walls.filmed(walls.with_disc), NONE)
+    assert found is not None and found.source == "the nearest moving object" and found.xy is not None
+    x, y = found.xy[0] * WIDTH, found.xy[1] * HEIGHT
+    assert walls.disc(found.frame)[int(y), int(x)]
+    assert nearest_subject(walls.filmed(walls.still, (1, 2, 3))) is None
 
 
 def test_people_are_looked_for_once(tmp_path: Path) -> None:
