@@ -17,8 +17,7 @@ from .clip_context import ClipContext
 HEAD = 1 / 3
 """Share of a person's height, from the top, in which the face is."""
 SMALLEST_OBJECT = 0.02
-"""Share of the picture of the smallest moving object in focus: those of the gallery that are subjects have 0.05
-to 0.42."""
+"""Share of the picture of the smallest moving object in focus: subjects of the gallery have 0.05 to 0.42."""
 FACE = 0.5
 """Probability from which on a face is one."""
 
