@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 import bpy
 
 from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
-from ..core.base.messages import Progress, send
+from ..core.base.messages import Progress, send, speak
 from ..render import cg_process, engine
 from ..render.cycles_layers import serve
 from ..render.frames_ahead import DrawnFrame, draw_ahead
 from ..render.gpu_views import check_gpu
 from .blend import open_blend, open_scene
+from .words import WORDS
 
 
 def draw_cg(job: argparse.Namespace) -> None:
@@ -49,3 +51,14 @@ def draw_frames(job: argparse.Namespace) -> None:
 
 JOBS = {"cg": draw_cg, "frames": draw_frames}
 """By the name that stands in a job's file."""
+
+
+def read_job(file: Path, parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """The options of the job that another process of ours has started this one for, as `launcher.start` wrote
+    them."""
+    speak()
+    told = json.loads(file.read_text(encoding="utf-8"))
+    own = JOBS.get(told["arguments"][0])
+    options = argparse.Namespace(command=own, words=WORDS) if own else parser.parse_args(told["arguments"])
+    vars(options).update(told, child=True)
+    return options

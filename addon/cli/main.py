@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import signal
 import traceback
 from collections.abc import Callable, Sequence
@@ -19,7 +18,7 @@ from ..core.base.atomic import collect_temporary, temporary_folder
 from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError, Words
 from ..core.base.job import Job
-from ..core.base.messages import Failure, Result, Warned, send, speak
+from ..core.base.messages import Failure, Result, Warned, send
 from ..core.base.streams import say, say_to
 from ..core.media.clip import Footage, FrameRange
 from ..core.sfm.state import STATE
@@ -37,7 +36,7 @@ from ..scene.paths import absolute
 from ..scene.shot import shot_of
 from . import depth, export, farm, inspect, save, solve
 from .blend import is_blend, open_blend
-from .engine_jobs import JOBS
+from .engine_jobs import read_job
 from .lens import (
     add_lens,
     add_work,
@@ -96,18 +95,6 @@ def parser() -> argparse.ArgumentParser:
     farm.add_commands(commands, common)
     inspect.add_command(commands, common)
     return top
-
-
-def _options(arguments: list[str]) -> argparse.Namespace:
-    """The options of a command, or of a job that another process of ours has started this one for."""
-    if arguments[:1] != [JOB]:
-        return parser().parse_args(arguments)
-    speak()
-    told = json.loads(Path(arguments[1]).read_text(encoding="utf-8"))
-    own = JOBS.get(told["arguments"][0])
-    options = argparse.Namespace(command=own, words=WORDS) if own else parser().parse_args(told["arguments"])
-    vars(options).update(told, child=True)
-    return options
 
 
 def _add_frames(command: argparse.ArgumentParser, description: str) -> None:
@@ -363,7 +350,8 @@ def run_command(arguments: list[str]) -> int:
     before = {number: signal.signal(number, _interrupt) for number in _ending()}
     try:
         collect_temporary()
-        options = _options(arguments)
+        is_job = arguments[:1] == [JOB]
+        options = read_job(Path(arguments[1]), parser()) if is_job else parser().parse_args(arguments)
         words = options.words
         options.command(options)
         _check_interrupted()
