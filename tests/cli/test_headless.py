@@ -125,7 +125,7 @@ def test_gaps_and_odd_sizes_go_through(tmp_path: Path) -> None:
 def test_the_thesis_method_renders(work: Path, tmp_path: Path) -> None:
     out = tmp_path / "t" / "####.png"
     done(
-        "render", work, "--focus-at", TRACKED, "--method", "thesis", "--views", 8, "--seed", 3,
+        "render", work, "--focus-point", 0, 1, "--method", "thesis", "--views", 8, "--seed", 3,
         "--frames", 1, "--out", out,
     )  # fmt: skip
     assert cv2.imread(str(tmp_path / "t" / "0001.png")).shape == (54, 96, 3)

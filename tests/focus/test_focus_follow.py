@@ -17,8 +17,10 @@ from addon.core.focus.follow import follow
 from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark, inverse_depths, pull
 from addon.core.frame.clip_context import ClipContext
+from addon.core.subjects.networks import Networks
 
 from ..scenes import texture
+from ..subjects.walls import NONE, NoObjects
 
 SIZE = (320, 180)
 LENS = Intrinsics(*SIZE, 280.0, 280.0, 160.0, 90.0)
@@ -95,10 +97,13 @@ def filmed(has_post: bool = False, gone: int = 99) -> Filmed:
     # It hardly moves; of one that stays in its place nothing would be asked of stereo.
     images = tuple(Image(f, np.eye(3), np.array([1e-5 * f, 0, 0]), np.zeros((0, 2)), nothing) for f in FRAMES)
     points = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
-    return Filmed(
-        Reconstruction((LENS,), images, points),
-        lambda frame: shown(frame, has_post, gone)[0], has_post=has_post, gone=gone,
-    )  # fmt: skip
+    reconstruction = Reconstruction((LENS,), images, points)
+
+    def read(frame: int) -> Bytes:
+        return shown(frame, has_post, gone)[0]
+
+    subjects = NoObjects(reconstruction, read, networks=Networks(NONE))
+    return Filmed(reconstruction, read, known_subjects=subjects, has_post=has_post, gone=gone)
 
 
 def followed(clip: Filmed) -> dict[int, float]:

@@ -11,9 +11,8 @@ from addon.cli.main import run_command
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import rotation_matrix
 from addon.core.sfm.bundle_adjustment import Observations
-from addon.core.sfm.small_motion import SmallMotionOptions
 from addon.core.sfm.solution import Solution, empty
-from addon.core.sfm.stabilised import ShiftOptions, compare, fit_shifts, refuse_shifted
+from addon.core.sfm.stabilised import compare, fit_shifts, refuse_shifted
 from addon.core.sfm.tracks import Tracks
 
 from .. import planes
@@ -21,7 +20,6 @@ from ..solving import refused
 
 WIDTH, HEIGHT, FOCAL, FRAMES, POINTS = 640, 360, 544.0, 12, 300
 KEYS = list(range(FRAMES))
-OPTIONS = (ShiftOptions(), SmallMotionOptions())
 
 
 def made(turn: float = 0.0, stays: float | None = None, noise: float = 0.05) -> Solution:
@@ -68,13 +66,13 @@ def test_depths_of_shifted_pictures_are_found_but_for_their_sign() -> None:
 
 def test_shifted_pictures_are_refused() -> None:
     with pytest.raises(UserError, match="stabilised so that something in mid-scene stays in place"):
-        refuse_shifted(turned_instead(made(stays=7.0), 7.0), KEYS, *OPTIONS)
+        refuse_shifted(turned_instead(made(stays=7.0), 7.0), KEYS)
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.05, 0.2])
 def test_a_camera_is_not_taken_for_shifts(turn: float) -> None:
-    refuse_shifted(made(turn), KEYS, *OPTIONS)
-    compared = compare(made(turn), KEYS, *OPTIONS)
+    refuse_shifted(made(turn), KEYS)
+    compared = compare(made(turn), KEYS)
     assert compared is not None and compared.solved > 0.9 and compared.order > 0.8
 
 
@@ -83,10 +81,10 @@ def test_depths_in_another_order_than_the_motion_are_refused() -> None:
     order = np.random.default_rng(0).permutation(POINTS)
     # Each point at another's depth, where the first frame saw it; the cameras as good as stand still.
     shot.xyz *= (shot.xyz[order, 2] / shot.xyz[:, 2])[:, None]
-    compared = compare(shot, KEYS, *OPTIONS)
+    compared = compare(shot, KEYS)
     assert compared is not None and compared.order < 0.3
     with pytest.raises(UserError):
-        refuse_shifted(shot, KEYS, *OPTIONS)
+        refuse_shifted(shot, KEYS)
 
 
 @pytest.mark.long
