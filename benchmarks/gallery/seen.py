@@ -1,27 +1,34 @@
 """What a person saw in the pictures, by the commit of the program that made them: one honest line a clip."""
 
 SEEN: dict[str, dict[str, str]] = {
-    "691bf4a": {
-        "person_walk_away_1": "click refused",
-        "person_ball_portrait_1": "click: man and ball whole and sharp; nothing picked: the wall",
-        "person_run_indoor_1": "click: whole and sharp; nothing picked: all blurred away",
-        "person_dance_davis_1": "click: superb there, blurred in four of six frames; nothing picked: blurred",
-        "backpack": "click: the man is sharp, half of the bag's outline is not; nothing picked: his shoes",
-        "night_walker": "click refused",
-        "paraglider": "click: man whole, his lines are lost in grass; nothing picked: the same",
-        "robot": "click: whole and sharp; nothing picked: the wall behind it",
-        "animal_cow_davis_1": "click refused",
-        "animal_kitten_1": "click: face sharp, body and cushion blurred alike; nothing picked: the tail",
-        "cat": "click: face sharp, body as of a very fast lens; nothing picked: body",
-        "dog": "click: whole and sharp; nothing picked: blurred away",
-        "vehicle_car_roundabout_davis_1": "click: whole and sharp, a smear beside its bonnet",
-        "vehicle_scooter_davis_1": "click: whole and sharp, specks of sharp foliage behind it",
-        "still_garden_shaky_1": "as a lens; a pale arc in the sky beside the lamp post",
+    "7118aa6": {
+        "person_walk_away_1": "default and click: man whole and sharp in all eight frames",
+        "people_two_talk_street_1": "default and click: both whole and sharp before an estimated "
+        "street; sharp rims of 10 px at her mouth and hand",
+        "person_ball_portrait_1": "man and ball whole; the ground at his feet is blurred more "
+        "than it should be",
+        "people_two_portrait_1": "both sharp; a tripod leg beside her mouth stays sharp",
+        "person_run_indoor_1": "whole and sharp; a torn piece of another head beside hers",
+        "person_dance_davis_1": "whole but for a raised forearm in two of eight frames; bits "
+        "of the crowd at her outline",
+        "person_door_dark_1": "whole and sharp",
+        "backpack": "man and bag whole and sharp",
+        "night_walker": "whole and sharp, boots and hair included; her bag is not",
+        "paraglider": "man whole, his lines are lost",
+        "robot": "body sharp; black feet and hands are not",
+        "animal_cow_davis_1": "muzzle and a foreleg blurred, ground between the legs sharp",
+        "animal_kitten_1": "click: face and back sharp, white flank and forelegs not; "
+        "nothing picked: the tail",
+        "cat": "right",
+        "dog": "whole; muzzle and chest a little soft, as filmed",
+        "vehicle_car_roundabout_davis_1": "click: whole and sharp; nothing picked: the pedestal behind it",
+        "vehicle_scooter_davis_1": "rider's helmet blurred, the rest sharp",
+        "still_garden_shaky_1": "click: right; nothing picked: an error, mended since",
         "still_roof_hlg10_rot_1": "small blur, right",
-        "night_hall_lights_1": "discs grow with distance; as small as in the sheet no fault is seen",
-        "plant_on_desk": "click refused; nothing picked: small blur, right",
+        "night_hall_lights_1": "discs grow with distance",
+        "plant_on_desk": "small blur, right",
         "duck": "right",
-        "room": "click: sofa sharp, door frame before it blurred, right; nothing picked: refused",
+        "room": "click: sofa sharp, door frame before it blurred; nothing picked: an error, mended since",
     },
 }
 """Short commit -> clip -> what is seen. A line is shown beside pictures of that commit alone."""
