@@ -143,6 +143,10 @@ def test_tracks_off_an_object_mark_it_again() -> None:
     seen = sampled(2, 12, 0), sampled(4, 10, 0), sampled(6, 6, 4), sampled(8, 0, 10)
     assert strokes(*seen) == [{2: 12, 6: 10}]
     assert strokes(*seen, people=True) == []
+    # Two groups of a frame are too far apart to be one.
+    ends = np.repeat([0.1, 0.9], (12, 10))
+    places = still(np.column_stack([ends, np.full(22, 0.3)]))
+    assert strokes(*(gate.MovingTracks(frame, places, (HEIGHT, WIDTH)) for frame in (2, 4))) == [{2: 12}]
     # Seen in one frame alone it is no object.
     assert strokes(sampled(2, 12, 0), sampled(4, 0, 10)) == []
 

@@ -45,8 +45,7 @@ class ObjectsOfClip:
         waiting = [each for each in waiting if _covered(self.people(each[0]), each[1]) < SAME_PERSON]
         found = list[CarriedSubject]()
         while waiting and len(found) < MOST_OBJECTS:
-            first = max(waiting, key=lambda each: len(each[1]))
-            waiting.remove(first)
+            first = waiting.pop(max(range(len(waiting)), key=lambda number: len(waiting[number][1])))
             waiting.sort(key=lambda each: abs(each[0] - first[0]))
             subject, others = self.carried(_dots(*first)), []
             for frame, group in waiting:
