@@ -47,7 +47,9 @@ def nearest_subject(clip: ClipContext, networks: Networks | None = None) -> Plac
         places = [clip.subject_place(subject.name, frame) for subject in shown]
         nearest = int(np.argmin([place.distance for place in places]))
         mask = shown[nearest].mask(frame)
-        face = face_of(networks or Networks(), displayed(clip.read(frame)), mask) if clip.people else None
+        face = None
+        if kind == "person":
+            face = face_of(networks or Networks(), displayed(clip.read(frame)), mask)
         return replace(places[nearest], source=f"the nearest {kind}", xy=face or middle_of(mask))
     return None
 

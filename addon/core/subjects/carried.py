@@ -214,7 +214,7 @@ class PeopleOfClip:
             strokes = person.mask, np.zeros_like(person.mask)
             whole = first_cut(self.networks, picture, strokes, beside)
             share, trust = whole.share, whole.trust
-        # As it is kept.
+        # In steps of 1 / 255, as in the kept file: found and kept people are equal to the bit.
         share = np.rint(255 * share).astype(np.float32) / np.float32(255)
         return Cut.known(picture, share, trust)
 

@@ -47,7 +47,8 @@ class Standing:
 
         A subject that stands still has feature points of its own. Another one stands upright where it touches
         the ground; a frame in which the ground around it is no plane takes that of the frame nearest in time.
-        Where no frame has such a plane, the subject is as far as the static scene beneath its feet.
+        Where no frame has such a plane, the subject is as far as the static scene beneath its feet. Frames
+        that place it behind the background it hides are left out, unless all frames do.
 
         Args:
             subject: Its pixels (h, w) in a source frame, at any size.
