@@ -274,6 +274,24 @@ def test_a_still_camera_is_refused(tmp_path: Path) -> None:
     assert "does not move" in refused(clip, tmp_path / "work")
 
 
+def test_a_camera_that_rolls_at_once_is_solved_by_keypoints(tmp_path: Path) -> None:
+    middle = (np.array(planes.SIZE) - 1) / 2
+    roll = cv2.getRotationMatrix2D(middle.tolist(), 40, 1)
+    pictures = planes.sideways(16)
+    pictures[8:] = [cv2.warpAffine(picture, roll, planes.SIZE) for picture in pictures[8:]]
+    result = solve(planes.write_clip(tmp_path / "rolled", pictures), tmp_path / "work")
+    assert result.report["tracker"] == "sift"
+    assert len(result.reconstruction.frames) == 16 and result.report["reprojection_error"] < 0.5
+    before, after = (result.reconstruction.image_at(frame)[0].rotation for frame in (8, 9))
+    angle = np.degrees(np.arccos(((after @ before.T).trace() - 1) / 2))
+    assert abs(angle - 40) < 1
+
+
+def test_two_shots_are_refused(tmp_path: Path) -> None:
+    pictures = planes.sideways(6) + [picture[::-1] for picture in planes.sideways(6)]
+    assert "cut" in refused(planes.write_clip(tmp_path / "shots", pictures), tmp_path / "work")
+
+
 def test_one_frame_is_refused(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "one", planes.sideways(3)[:1])
     assert "at least 4" in refused(clip, tmp_path / "work")

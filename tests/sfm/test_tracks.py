@@ -14,7 +14,16 @@ from addon.core.base.errors import UserError
 from addon.core.media.clip import open_footage
 from addon.core.sfm import klt, sift, template_tracking
 from addon.core.sfm.klt import KLTTracker, new_corners, new_harris
-from addon.core.sfm.tracks import TRACKERS, Tracks, correlation, cuts, run, thumbnail, track_features
+from addon.core.sfm.tracks import (
+    TRACKERS,
+    Tracks,
+    are_bridged,
+    correlation,
+    cuts,
+    run,
+    thumbnail,
+    track_features,
+)
 
 from .. import planes
 
@@ -228,6 +237,15 @@ def test_cuts_are_where_no_track_lives_on_and_the_picture_changes() -> None:
     index, track = np.array([0, 0, 3, 3], np.int32), np.arange(4, dtype=np.int32)
     faded = Tracks((1, 2, 3, 4), 9, 9, index, track, np.zeros((4, 2)), np.zeros((4, 3), np.uint8))
     assert cuts(faded) == (3,)
+
+
+def test_keypoints_connect_frames_of_a_rolled_camera_and_not_those_of_a_cut(tmp_path: Path) -> None:
+    clip = shifted(2, (2.0, 0.0)) + [np.rot90(clip, 2) for clip in shifted(2, (3.0, 1.0))]
+    clip += shifted(2, (2.0, 0.0), seed=9)
+    footage = open_footage(planes.write_clip(tmp_path / "clip", clip))
+    assert cuts(track_features(footage, lambda *_: None)) == (2, 4)
+    assert are_bridged(footage, [2]) and are_bridged(footage, [1, 2])
+    assert not are_bridged(footage, [4]) and not are_bridged(footage, [2, 4])
 
 
 def test_correlation_is_that_of_the_same_scene_shifted_and_lit_otherwise() -> None:

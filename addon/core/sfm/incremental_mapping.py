@@ -290,7 +290,8 @@ class _Keyframes:
         def keep(made: Solution | None, method: str) -> None:
             if made is not None:
                 self.progress("Settling the focal length", 0, 1)
-                found.append(self._judged(made, method))
+                if (judged := self._judged(made, method)) is not None:
+                    found.append(judged)
 
         if self.parallax >= MIN_PARALLAX:
             keep(self._by_pairs(tracks, focal), "pairs")
@@ -320,10 +321,12 @@ class _Keyframes:
             )
         return best
 
-    def _judged(self, made: Solution, method: str) -> _Found:
-        """A solution of the keyframes with its focal length refined, and how much of the clip it explains."""
+    def _judged(self, made: Solution, method: str) -> _Found | None:
+        """A solution with its focal length refined, and its explained share; None without good points."""
         solution.triangulate(made)
         solution.drop_bad(made)
+        if np.count_nonzero(np.isfinite(made.xyz[:, 0])) < MIN_POINTS:
+            return None
         sigma, from_clip = self_calibration.refine_focal_length(made, self.start, self._known)
         solution.triangulate(made)
         solution.drop_bad(made)

@@ -6,7 +6,7 @@ points where texture is weak; SIFT's descriptors find a feature again that was h
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
@@ -189,6 +189,20 @@ def cuts(tracks: Tracks) -> tuple[int, ...]:
     unlike = tracks.correlations < MIN_CORRELATION if len(tracks.correlations) else np.ones(frames, bool)
     cut = seen & unlike & (across == 0) & (np.cumsum(seen) > 1)
     return tuple(np.nonzero(cut)[0].tolist())
+
+
+def are_bridged(footage: Footage, starts: Sequence[int]) -> bool:
+    """Return whether SIFT keypoints connect each frame, an index into the clip's, with the frame before."""
+    zoom = min(1.0, LONG_SIDE / max(footage.width, footage.height))
+    for start in starts:
+        matcher = Matcher()
+        before, after = (
+            matcher.step(_shrunk(to_gray8(footage.read(frame)), zoom))[0]
+            for frame in footage.frames[start - 1 : start + 1]
+        )
+        if not np.isin(after, before).any():
+            return False
+    return True
 
 
 def thumbnail(gray: Bytes, width: int = THUMBNAIL) -> NDArray[np.float32]:

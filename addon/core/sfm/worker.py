@@ -30,12 +30,12 @@ from ..media.exif import photo_data
 from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from . import known_poses, lens
-from .degeneracy import refuse_cuts
+from .degeneracy import StaysError, refuse_cuts
 from .known_cameras import read_cameras
 from .people_left_out import without_people
 from .photo_matching import Photo, find_features, match_all
 from .report import STAYS
-from .tracks import Tracks, check_shape, cuts, track_features
+from .tracks import Tracks, are_bridged, check_shape, cuts, track_features
 from .visibility import visible_points
 from .watching import Watch
 from .workspace import keep_visible
@@ -155,12 +155,13 @@ def _solve_photos(footage: Footage, job: dict[str, Any], folder: Path) -> dict[s
 def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Solve a clip into the folder; what is to be said of it."""
     check_shape(footage)
-    tracks = track_features(footage, _progress, job["tracker"], watch=Watch(send))
+    tracker = job["tracker"]
+    tracks = track_features(footage, _progress, tracker, watch=Watch(send))
+    if (jumps := cuts(tracks)) and (job["cameras"] or are_bridged(footage, jumps)):
+        # Known cameras connect shots. A fast motion of the camera loses corners, but not keypoints.
+        tracker, tracks = "sift", track_features(footage, _progress, "sift")
     if job["cameras"] is None:
         refuse_cuts(tracks)
-    elif cuts(tracks):
-        # Known cameras tell how shots, or photos, lie to each other; keypoints are found again after a step.
-        tracks = track_features(footage, _progress, "sift")
     found = _held(job, tracks, folder) if job["cameras"] else _solved(job, footage, tracks)
     result = found.reconstruction
     (folder / "model").mkdir()
@@ -182,7 +183,7 @@ def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str
         "unlike": sum(each.unlike for each in visible.values()),
         "reprojection_error": float(result.points.error.mean()),
         "focal": result.cameras[0].fx,
-        "tracker": job["tracker"],
+        "tracker": tracker,
         "moving_tracks": len(found.moving),
         **found.said,
         "notes": [*footage.notes, *found.said["notes"]],
@@ -200,18 +201,29 @@ class _Found:
 
 
 def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
-    """Both found from the clip; where it would be refused, once more without the people in it."""
+    """Cameras and points of a clip; before a refusal, without its people, and then from SIFT keypoints."""
     try:
         return _mapped(job, footage, tracks, bool(job["may_stay"]))
-    except UserError:
-        still = without_people(tracks, footage, _progress)
-        if still is None:
-            raise
-    try:
-        # Subjects have distances without parallax, too.
-        found = _mapped(job, footage, still, True)
     except UserError as error:
-        raise type(error)(f"{error} ({LEFT_OUT})", *error.remedies) from None
+        refusal = error
+    try:
+        if (found := _without_people(job, footage, tracks)) is not None:
+            return found
+    except UserError as error:
+        refusal = type(error)(f"{error} ({LEFT_OUT})", *error.remedies)
+    if job["tracker"] != "sift" and not isinstance(refusal, StaysError):
+        with contextlib.suppress(UserError):
+            return _mapped(job, footage, track_features(footage, _progress, "sift"), False)
+    raise refusal
+
+
+def _without_people(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found | None:
+    """Cameras and points without the tracks of people; None where there are none."""
+    still = without_people(tracks, footage, _progress)
+    if still is None:
+        return None
+    # Subjects have distances without parallax, too.
+    found = _mapped(job, footage, still, True)
     people = np.setdiff1d(tracks.track, still.track)
     said = found.said | {"notes": [*found.said["notes"], LEFT_OUT]}
     said["depth_estimated"] = found.said["method"] == STAYS and not job["may_stay"]
