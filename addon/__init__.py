@@ -6,10 +6,14 @@ import the package.
 
 
 def register() -> None:
-    """Register everything with Blender; UserError where the system is too old for it."""
+    """Register all classes with Blender.
+
+    Raises:
+        UserError: The operating system is too old for the bundled libraries.
+    """
     from .core.base.system import check_system
 
-    # Before the libraries are loaded, which would fail with no word of why.
+    # Libraries that the system is too old for fail to load without a reason.
     check_system()
     from . import ui
     from .cli import blender_command
@@ -19,6 +23,7 @@ def register() -> None:
 
 
 def unregister() -> None:
+    """Unregister all classes from Blender."""
     from . import ui
     from .cli import blender_command
 
