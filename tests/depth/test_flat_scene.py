@@ -9,8 +9,8 @@ from addon.core.base.arrays import Mask
 from addon.core.camera.intrinsics import Intrinsics
 from addon.core.camera.reconstruction import Image, Points, Reconstruction, rotation_matrix
 from addon.core.depth.flat_scene import EstimatedDepth, FlatScene, flat_scene, outline
-from addon.core.depth.object_tracks import Subject
 from addon.core.depth.source import NO_PICTURE
+from addon.core.depth.subject_depth import Subject
 
 CAMERA = Intrinsics(360, 480, 400.0, 400.0, 180.0, 240.0)
 AWAY = 10.0

@@ -201,15 +201,6 @@ def falling(pictures: Sequence[Picture], before: float) -> tuple[list[Picture], 
     return filmed, masks
 
 
-def test_what_moves_is_nearer_than_what_it_hides(pictures: list[Picture]) -> None:
-    """Below it only the farthest plane is seen, but in other frames it hides the edge of the middle one."""
-    filmed, masks = falling(pictures, before=1.0)
-    known = dict(enumerate(masks, 1))
-    result = PlaneSweepStereo(poses(CENTRES, features()), lambda n: filmed[n - 1], mask=known.get).at(MIDDLE)
-    assert np.ptp(result.inverse_depth[result.moving]) < 0.05 * RANGE
-    assert np.median(result.inverse_depth[result.moving]) > 1 / 6 - 0.02 * RANGE
-
-
 def test_a_mask_tells_what_moves(pictures: list[Picture]) -> None:
     """Something that keeps to its place in the picture, which flow cannot tell from the middle plane."""
     filmed, masks = falling(pictures, before=1 / 8)
@@ -220,8 +211,8 @@ def test_a_mask_tells_what_moves(pictures: list[Picture]) -> None:
     assert masked.moving[mask].all()
     assert np.mean(masked.moving & ~mask) < 0.01
     off = error(masked, truth(CENTRES[MIDDLE - 1]))
-    assert np.median(off[mask]) < 0.05 and np.median(off[~mask]) < HALF_LEVEL
-    assert masked.confidence[mask].max() < 0.5
+    assert np.median(off[~mask]) < HALF_LEVEL
+    assert not masked.confidence[mask].any()
     # What is masked in the neighbours has no part in the depth of what stands still here.
     plain = PlaneSweepStereo(shot, lambda n: pictures[n - 1]).at(MIDDLE)
     around = cv2.dilate(mask.astype(np.uint8), np.ones((31, 31))) > 0

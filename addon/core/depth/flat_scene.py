@@ -13,9 +13,9 @@ from ..base.lru_cache import LRUCache
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction, level_axes, typical_distance
 from .matte import opacity_over, outlined
-from .object_tracks import Subject
 from .source import DepthSource, PixelDepth
 from .sparse import DepthSamples
+from .subject_depth import Subject
 
 ORIGIN = "an estimate from where its subjects stand: the clip shows no depth"
 PERSON, SHOULDERS = 1.7 / 1.5, 0.45 / 1.5

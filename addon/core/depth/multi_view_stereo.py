@@ -1,14 +1,13 @@
 """Dense inverse depth of a frame from the clip itself and the cameras that were solved for it.
 
 Neighbour frames are chosen by baseline; a plane sweep over them, regularised by semiglobal matching, gives
-each pixel's inverse depth; the moving pixels of a mask are placed where they stand.
+each pixel's inverse depth. Moving pixels of a mask have no depth here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -22,9 +21,6 @@ from ..media.clip import encode_srgb
 from ..media.picture_file import Pixels
 from .completion import CompletionOptions, interpolate, smooth, splat
 from .matching import Features, Matcher, MatchingOptions, matched_levels, winning_levels
-from .moving_objects import MovingObjectOptions, place_moving_objects
-from .object_tracks import ClipObjects, Subject
-from .occlusion import MASKED, occluding_pixels
 from .plane_sweep import View, small_picture
 from .source import FAINTEST
 from .sparse import frame_features
@@ -78,8 +74,6 @@ class StereoOptions:
     """How a pixel's depth level is chosen and trusted."""
     completion: CompletionOptions = field(default_factory=CompletionOptions)
     """Depth where there are only sparse points, and smooth surfaces."""
-    objects: MovingObjectOptions = field(default_factory=MovingObjectOptions)
-    """The depth of that."""
 
     def of_photos(self) -> StereoOptions:
         """The same for photos in no order. Where they stand far apart, a level is a step of many pixels and
@@ -90,6 +84,8 @@ class StereoOptions:
         )
 
 
+MASKED = 85
+"""Fourth channel of a picture in moving pixels: seen, but no depth comes from them."""
 KEPT_PICTURES = 128 << 20
 """Bytes of pictures that are remembered: 64 of 960x540 pixels, or all of a clip at a third of that size."""
 KEPT_SPANS = 64
@@ -111,7 +107,7 @@ class DenseDepth:
     confidence: Map
     """(h, w) float32 in [0, 1]: 0 where the depth is only that of the surroundings or the sparse points."""
     moving: Mask
-    """(h, w) what moves by itself; it has the depth of where it stands."""
+    """(h, w) moving pixels."""
     pinhole: Intrinsics
     """The pinhole that these h x w pixels are seen through."""
     past_border: Map | None = None
@@ -128,31 +124,23 @@ class PlaneSweepStereo:
         read: Callable[[int], Pixels],
         options: StereoOptions = StereoOptions(),
         mask: Moving | None = None,
-        subjects: Callable[[], Sequence[Subject]] = tuple,
         unseen: Moving | None = None,
         matcher: Matcher = winning_levels,
     ) -> None:
-        """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself, of
-        which each of `subjects()` is one thing.
+        """`read` gives a frame's picture as `Footage.read` does; `mask` its known moving pixels.
 
         `mask` is asked for of frames that are swept, and of some around; where it takes long to find,
         `unseen` may tell less of it in their many source views. `matcher` finds the levels of pixels.
         """
         options = options if reconstruction.is_ordered else options.of_photos()
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
-        self._subjects, self._unseen, self._matcher = subjects, unseen or mask, matcher
+        self._unseen, self._matcher = unseen or mask, matcher
         self._pictures = LRUCache[Bytes](KEPT_PICTURES, lambda picture: picture.nbytes)
         self._ranges = LRUCache[tuple[float, float]](KEPT_SPANS)
         self._parallaxes = LRUCache[list[tuple[Image, float]]](2 * KEPT_SPANS)
 
     def at(self, frame: int) -> DenseDepth:
-        """The depth of a frame, by itself; errors as `matched`."""
-        found = self.matched(frame)
-        image, _ = self._rec.image_at(frame)
-        return self._placed(image, found, self._range(image))
-
-    def matched(self, frame: int) -> DenseDepth:
-        """The depth of what stands still in a frame, and what moves; the depth of that is nowhere sure.
+        """The depth of the static scene in a frame; that of moving pixels is nowhere sure.
 
         UserError where the frame or a neighbour cannot be read, no frame is registered, or its lens bends
         more than a flat picture can show.
@@ -194,40 +182,9 @@ class PlaneSweepStereo:
         confidence = np.where(masked, np.float32(0), confidence)
         return DenseDepth(frame, inverse, confidence, masked, canvas.pinhole)
 
-    def with_moving_objects(self, frame: int, inverse: Map, confidence: Map) -> DenseDepth:
-        """Depth (h, w) of a frame that was found from others, with its confidence (h, w), and what moves by
-        itself in it, placed where it stands; errors as `matched`."""
-        image, _ = self._rec.image_at(frame)
-        masked = self._masked(image)
-        confidence = np.where(masked, np.float32(0), confidence)
-        found = DenseDepth(frame, inverse, confidence, masked, self.pinhole(frame))
-        return self._placed(image, found, self._range(image))
-
-    def _placed(self, image: Image, depth: DenseDepth, span: tuple[float, float]) -> DenseDepth:
-        """Depth with what moves where it stands; `span` is the least and the largest inverse depth."""
-        checkpoint(0.9)
-        if not depth.moving.any():
-            return depth
-        options, own, middle = self._options, self._picture(image), sum(span) / 2
-        guide = cv2.cvtColor(own[..., :3], cv2.COLOR_RGB2GRAY).astype(np.float32)
-        near = self._neighbours(image, span, options.depth_parallaxes)
-        views = [self._view(image, own, one, middle) for one in near]
-        occluding = occluding_pixels(own, views, depth.inverse_depth, middle)
-        placed = place_moving_objects(
-            guide, depth.inverse_depth, depth.confidence, self._objects.of(image, depth.moving), occluding,
-            depth.pinhole, options.completion, options.objects,
-        )  # fmt: skip
-        return DenseDepth(depth.frame, *placed, depth.pinhole)
-
-    @cached_property
-    def _objects(self) -> ClipObjects:
-        """What moves, thing by thing."""
-        known = self._subjects()
-        subjects = [lambda image, each=each: self.on_canvas(image, each.mask(image.frame)) for each in known]
-        return ClipObjects(
-            self._rec.images, lambda image: self._canvas(image).pinhole, self._masked, subjects,
-            lambda number, frame: known[number].inverse_depth(frame),
-        )  # fmt: skip
+    def moving(self, frame: int) -> Mask:
+        """Return the known moving pixels (h, w) of a frame, at the size worked at."""
+        return self._masked(self._rec.image_at(frame)[0])
 
     def pinhole(self, frame: int) -> Intrinsics:
         """The pinhole that a frame's depth is seen through, at the size worked at."""

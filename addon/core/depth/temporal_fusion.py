@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from ..base.arrays import Map
+from ..base.arrays import Bytes, Map
 from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
+from .completion import CompletionOptions
 from .depth_store import DepthStore
 from .map_fusion import (
     BEYOND,
@@ -33,6 +34,7 @@ from .map_fusion import (
 from .multi_view_stereo import DenseDepth, PlaneSweepStereo
 from .reprojection import in_place
 from .shared_depth import found_once, kept_depth, not_kept
+from .subject_depth import Subject, with_subjects
 from .view_selection import nearest_views, stride
 
 DEFAULTS = FusionOptions()
@@ -48,10 +50,11 @@ class TemporalFusion:
         single_frame: PlaneSweepStereo,
         store: DepthStore | None = None,
         options: FusionOptions = DEFAULTS,
+        subjects: Callable[[], Sequence[Subject]] = tuple,
     ) -> None:
-        """`single_frame` finds each frame's own depth; `store` keeps what was found."""
+        """`single_frame` finds each frame's own depth; `store` keeps depth; `subjects` are placed in it."""
         self._rec, self._stereo, self._options, self._store = reconstruction, single_frame, options, store
-        self._kept = LRUCache[DenseDepth](KEPT_FRAMES)
+        self._kept, self._subjects = LRUCache[DenseDepth](KEPT_FRAMES), subjects
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame as it is kept, else found; errors as `PlaneSweepStereo.at`."""
@@ -97,11 +100,26 @@ class TemporalFusion:
         inverse, disputed = filled(picture, inverse, confidence, level)
         checkpoint(1.0)
         inverse = sharpened(even(inverse, level), level, disputed)
-        found = self._stereo.with_moving_objects(frame, inverse, confidence)
+        found = self._with_subjects(image.frame, inverse, confidence, picture)
         # What was filled may have changed the range.
         inverse = without_speckles(found.inverse_depth, level_of(found.inverse_depth))
         past = past_border(stack, inverse, level)
         return replace(found, inverse_depth=inverse, past_border=past)
+
+    def _with_subjects(self, frame: int, inverse: Map, confidence: Map, picture: Bytes) -> DenseDepth:
+        """Depth (h, w) of the static scene in a frame, and that of its subjects."""
+        stereo = self._stereo
+        moving = stereo.moving(frame)
+        confidence = np.where(moving, np.float32(0), confidence)
+        static = DenseDepth(frame, inverse, confidence, moving, stereo.pinhole(frame))
+        if not moving.any():
+            return static
+        image, _ = self._rec.image_at(frame)
+        subjects = [
+            (stereo.on_canvas(image, each.mask(frame)), each.inverse_depth(frame))
+            for each in self._subjects()
+        ]
+        return with_subjects(static, picture, subjects, CompletionOptions())
 
     def _in_place(self, depth: DenseDepth, image: Image, here: Image) -> tuple[Map, Map, Map]:
         """What `in_place` tells of a key frame in a frame's place and past its border."""
@@ -136,7 +154,7 @@ class TemporalFusion:
 
         def find(frame: int) -> DenseDepth:
             with part(new.index(frame), len(new)):
-                return self._stereo.matched(frame)
+                return self._stereo.at(frame)
 
         there |= found_once(self._store, "single", new, pinhole, find)
         return [self._kept.get(frame, partial(there.__getitem__, frame)) for frame in frames]

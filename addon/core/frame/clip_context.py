@@ -106,10 +106,9 @@ class ClipContext:
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
         store = self._store_of(quality)
         single_frame = PlaneSweepStereo(
-            self.reconstruction, self.read, quality.stereo, self.moving,
-            self._parts.placed, unseen=self.masks or _nothing, matcher=self.matcher,
-        )  # fmt: skip
-        return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
+            self.reconstruction, self.read, quality.stereo, self.moving, self.masks or _nothing, self.matcher
+        )
+        return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion, self._parts.placed)
 
     def moving(self, frame: int) -> Mask | None:
         """Return the moving pixels of a frame; see `MovingParts.mask`."""
@@ -268,7 +267,7 @@ class ClipContext:
     def _estimated(self) -> EstimatedDepth:
         """Depth of a camera that stays in its place."""
         parts = self._parts
-        return EstimatedDepth(self.reconstruction, lambda: parts.scene, parts.in_scene, parts.opacity)
+        return EstimatedDepth(self.reconstruction, lambda: parts.scene, parts.placed, parts.opacity)
 
     def has_depth(self, frame: int, quality: Quality) -> bool:
         """Whether the depth of a frame is given or kept, and need not be found; errors as of `depth`."""

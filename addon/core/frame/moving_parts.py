@@ -16,11 +16,12 @@ from ..camera.reconstruction import Reconstruction
 from ..depth.flat_scene import FlatScene, Outline, flat_scene, outline
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving
-from ..depth.object_tracks import Subject
 from ..depth.source import FAINTEST
+from ..depth.subject_depth import Subject
 from ..media.picture_file import Pixels
 from ..subjects.clip_subjects import ClipSubject, ClipSubjects, united
 from ..subjects.distance import SubjectDistance
+from ..subjects.masked_objects import MaskedObjects
 from ..subjects.matte import matte
 from ..subjects.people import sampled
 from ..subjects.pictures import displayed
@@ -87,32 +88,32 @@ class MovingParts:
         return self._masks.get(frame, lambda: self._moving(frame))
 
     def placed(self) -> list[Subject]:
-        """Return every subject with its distance."""
-        return [Subject(each.mask, self.distance(each).inverse_depth) for each in self.every_subject]
-
-    def in_scene(self) -> list[Subject]:
-        """Return every subject, and all that masks show as one, with the distance in `scene`."""
-        if (masks := self.masks) is None:
-            return self.placed()
-
-        def masked(frame: int) -> Mask:
-            mask = masks(frame)
-            return np.zeros((1, 1), bool) if mask is None else np.asarray(mask > FAINTEST)
-
-        return [
-            Subject(masked, lambda frame: self.inverse_depths(masked, [frame]).get(frame)),
-            *self.placed(),
-        ]
+        """Return every subject, and each object of the masks, with its distance."""
+        found = [Subject(each.mask, self.distance(each).inverse_depth) for each in self.every_subject]
+        return [*found, *self._masked]
 
     def distance(self, subject: ClipSubject) -> SubjectDistance:
         """Return the distance of a subject through the clip."""
         if subject.key not in self._distances:
-            stays = self.reconstruction.stays
-            ground = self if stays else Standing(self.static, self._known)
-            self._distances[subject.key] = SubjectDistance(
-                self.subjects.pictures, subject.mask, partial(ground.inverse_depths, subject.mask)
-            )
+            self._distances[subject.key] = self._distance_of(subject.mask)
         return self._distances[subject.key]
+
+    def _distance_of(self, mask: Callable[[int], Mask]) -> SubjectDistance:
+        ground = self if self.reconstruction.stays else Standing(self.static, self._known)
+        return SubjectDistance(self.subjects.pictures, mask, partial(ground.inverse_depths, mask))
+
+    @cached_property
+    def _masked(self) -> list[Subject]:
+        """The objects of the masks; none in photos, in which nothing can be followed."""
+        if self.masks is None or not self.reconstruction.is_ordered:
+            return []
+        pictures = self.subjects.pictures
+        size = pictures.picture(pictures.frames[0]).shape[:2]
+        objects = MaskedObjects(pictures.frames, self.masks, (size[0], size[1]))
+        return [
+            Subject(objects.whole(number), self._distance_of(partial(objects.small, number)).inverse_depth)
+            for number in objects.numbers
+        ]
 
     @cached_property
     def static(self) -> StaticDepth:
@@ -152,8 +153,9 @@ class MovingParts:
         return np.asarray(np.maximum.reduce(mattes))
 
     def _known(self, frame: int) -> Mask:
-        """(h, w) all subjects in a frame; there is at least one."""
-        return united([each.mask(frame) for each in self.every_subject])
+        """(h, w) all moving pixels of a frame."""
+        mask = self.mask(frame)
+        return np.zeros((1, 1), bool) if mask is None else mask
 
     def _moving(self, frame: int) -> Mask | None:
         """(h, w) subjects and masks of a frame."""
