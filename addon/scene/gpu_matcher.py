@@ -23,7 +23,7 @@ from ..core.base.messages import Warned, send
 from ..core.base.progress import Cancelled, checkpoint
 from ..core.base.streams import say_to
 from ..core.depth import matching
-from ..core.depth.matching import MatchingOptions, Winners
+from ..core.depth.matching import Winners
 from ..core.depth.plane_sweep import View
 from . import gpu_sweep
 from .main_thread import has_gpu_context
@@ -46,15 +46,13 @@ _problem: str | None = None
 """Why this process's GPU sweeps not; empty where it does, None before that was asked."""
 
 
-def winning_levels(
-    picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map, options: MatchingOptions
-) -> Winners:
+def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map) -> Winners:
     """As `matching.winning_levels`, on the GPU where that is sure to give the same.
 
     One process sweeps on the GPU at a time, so that what is held there does not grow with processes; where
     none gets its turn, or the GPU fails, the processor sweeps.
     """
-    given = picture, views, levels, guide, known, options
+    given = picture, views, levels, guide, known
     if _sweeps():
         try:
             with _turn():
@@ -142,9 +140,7 @@ def difference() -> str:
     return ""
 
 
-def sample(
-    width: int = 61, height: int = 43, count: int = 14
-) -> tuple[Bytes, list[View], Floats, Map, Map, MatchingOptions]:
+def sample(width: int = 61, height: int = 43, count: int = 14) -> tuple[Bytes, list[View], Floats, Map, Map]:
     """The arguments of `winning_levels` of a picture with so many levels: two surfaces seen from both sides,
     levels that one view does not see, places past its lens's picture and places with features."""
     noise = np.random.default_rng(1).integers(0, 256, (height, width + 32, 3)).astype(np.float32)
@@ -169,4 +165,4 @@ def sample(
         View(seen(shift), turned, np.array([[0, 0, shift], [0, 0, 0], [0, 0, bend]]), int(np.sign(shift)))
         for shift, bend in ((4, 0.0), (-2, 0.0), (-4, -0.49))
     ]
-    return picture, views, np.linspace(0, 2, count), guide, known, MatchingOptions()
+    return picture, views, np.linspace(0, 2, count), guide, known

@@ -16,9 +16,9 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..core.base.arrays import Bytes, Floats, Map
-from ..core.depth.matching import MatchingOptions, Winners
-from ..core.depth.plane_sweep import View
-from ..core.depth.semiglobal import STEPS
+from ..core.depth.matching import PRIOR_COST, PRIOR_REACH, RIVAL_MARGIN, Winners
+from ..core.depth.plane_sweep import FAR_PREFERENCE, GUIDE_EPSILON, GUIDE_RADIUS, TRUNCATION, View
+from ..core.depth.semiglobal import P1, P2, P2_HALVED_AT, STEPS
 from . import gpu_sweep_shaders as shaders
 from .main_thread import Steps, draw, leave_shader
 
@@ -30,12 +30,10 @@ SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
 type Texture = gpu.types.GPUTexture
 
 
-def winning_levels(
-    picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map, options: MatchingOptions
-) -> Winners:
+def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map) -> Winners:
     """As `matching.winning_levels`; passes checkpoints. Needs a GPU context; RuntimeError or SystemError
     where the GPU cannot."""
-    sweep = _Sweep(picture, sorted(views, key=lambda view: view.side), levels, guide, known, options)
+    sweep = _Sweep(picture, sorted(views, key=lambda view: view.side), levels, guide, known)
     return draw(sweep.steps(), sweep.count)
 
 
@@ -48,7 +46,6 @@ class _Sweep:
     levels: Floats
     guide: Map
     known: Map
-    options: MatchingOptions
 
     @property
     def quads(self) -> int:
@@ -76,13 +73,13 @@ class _Sweep:
             "guide": _texture(self._guide(), "RGBA32F"),
             "planes": _texture(self._planes(), "RGBA32F"),
         }
-        guide, options = given["guide"], self.options
+        guide = given["guide"]
         first, second, costs = (_room(self.size, "RGBA16UI", self.quads) for _ in range(3))
         yield from self._swept(given, first)
         spreads = _room(self.size, "R32F")
         self._stage("finish", {**given, "raw": first}, {"costs": costs, "spreads": spreads}).over(
-            self.size, levels=len(self.levels), unknown=UNKNOWN, prior=STEPS * options.prior_cost,
-            reach=options.prior_reach,
+            self.size, levels=len(self.levels), unknown=UNKNOWN, prior=STEPS * PRIOR_COST,
+            reach=PRIOR_REACH,
         )  # fmt: skip
         _wait()
         # What was swept is in `costs`: its room takes sums.
@@ -92,7 +89,6 @@ class _Sweep:
 
     def _swept(self, given: Mapping[str, Texture], into: Texture) -> Iterator[int]:
         """Write mismatches (`plane_sweep.sweep` less its last part), four levels a step."""
-        options = self.options.sweep
         sides = sorted({view.side for view in self.views})
         split = sum(view.side == sides[0] for view in self.views)
         pictures = _texture(_stacked([view.picture for view in self.views]), "RGBA8")
@@ -105,10 +101,10 @@ class _Sweep:
         for quad in range(self.quads):
             mismatch.over(
                 self.size, quad=quad, levels=len(self.levels), sides=len(sides), split=split,
-                views=len(self.views), truncation=options.truncation, steps=STEPS,
+                views=len(self.views), truncation=TRUNCATION, steps=STEPS,
             )  # fmt: skip
-            slopes.over(self.size, sides=len(sides), radius=options.guide_radius)
-            gather.over(self.size, quad=quad, sides=len(sides), radius=options.guide_radius)
+            slopes.over(self.size, sides=len(sides), radius=GUIDE_RADIUS)
+            gather.over(self.size, quad=quad, sides=len(sides), radius=GUIDE_RADIUS)
             _wait()
             yield quad
 
@@ -117,7 +113,7 @@ class _Sweep:
 
     def _summed(self, guide: Texture, costs: Texture, first: Texture, second: Texture) -> Iterator[int]:
         """Write costs summed along four ways into `second`; `first` is written to."""
-        options, (width, height) = self.options.semiglobal, self.size
+        width, height = self.size
         shader = shaders.compute("paths", self.quads)
         for way in range(4):
             before, after = (second, first) if way % 2 == 0 else (first, second)
@@ -125,7 +121,7 @@ class _Sweep:
             across = way // 2
             _Stage("paths", shader, read, {"sums": after}).over(
                 (height if across else width, 1), across=across, backwards=way % 2, adds=int(way > 0),
-                p1=STEPS * options.p1, p2=STEPS * options.p2, halved_at=options.p2_halved_at,
+                p1=STEPS * P1, p2=STEPS * P2, halved_at=P2_HALVED_AT,
             )  # fmt: skip
             _wait()
             yield way
@@ -141,7 +137,7 @@ class _Sweep:
             gpu.state.blend_set("NONE")
             shader.bind()
             shader.uniform_int("levels", len(self.levels))
-            shader.uniform_int("margin", round(STEPS * self.options.rival_margin))
+            shader.uniform_int("margin", round(STEPS * RIVAL_MARGIN))
             for name, texture in (("costs", costs), ("sums", sums), ("spreads", spreads)):
                 shader.uniform_sampler(name, texture)
             screen.draw(shader)
@@ -158,12 +154,12 @@ class _Sweep:
     def _guide(self) -> Map:
         """(h, w, 4) grey level, its mean around, one over its variance there and the filter's epsilon, and
         the level that features tell."""
-        options, guide = self.options.sweep, self.guide.astype(np.float64)
-        window = (2 * options.guide_radius + 1,) * 2
+        guide = self.guide.astype(np.float64)
+        window = (2 * GUIDE_RADIUS + 1,) * 2
         mean, square = (
             cv2.boxFilter(part, -1, window, borderType=cv2.BORDER_REFLECT) for part in (guide, guide**2)
         )
-        weight = 1 / (square - mean**2 + options.guide_epsilon)
+        weight = 1 / (square - mean**2 + GUIDE_EPSILON)
         known = np.nan_to_num(self.known, nan=2 * UNKNOWN)
         return np.dstack([guide, mean, weight, known]).astype(np.float32)
 
@@ -172,12 +168,11 @@ class _Sweep:
         whether it sees the plane, and in the very first view's second what the level costs more."""
         width, height = self.size
         planes = np.zeros((len(self.levels), len(self.views), 3, 4), np.float32)
-        options = self.options.sweep
         for n, view in enumerate(self.views):
             for k, inverse in enumerate(self.levels.tolist()):
                 planes[k, n, :, :3] = view.homography(inverse)
-                planes[k, n, 0, 3] = view.sees_plane(inverse, width, height, options.least_depth_ratio)
-        planes[:, 0, 1, 3] = np.rint(np.linspace(0, STEPS * options.far_preference, len(self.levels)))
+                planes[k, n, 0, 3] = view.sees_plane(inverse, width, height)
+        planes[:, 0, 1, 3] = np.rint(np.linspace(0, STEPS * FAR_PREFERENCE, len(self.levels)))
         return planes.reshape(len(self.levels), -1, 4)
 
 

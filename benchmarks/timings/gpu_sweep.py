@@ -31,8 +31,8 @@ TITLE = (
 
 def row(width: int, height: int, levels: int) -> str:
     """A line of the table."""
-    picture, views, inverse, guide, known, options = gpu_matcher.sample(width, height, levels)
-    given = picture, views * 2, inverse, guide, known, options
+    picture, views, inverse, guide, known = gpu_matcher.sample(width, height, levels)
+    given = picture, views * 2, inverse, guide, known
     ours, cost = measured(lambda: matching.winning_levels(*given))
     ends = [time.perf_counter()]
     with reporting(lambda _stage, _share: ends.append(time.perf_counter())):

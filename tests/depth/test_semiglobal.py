@@ -7,9 +7,7 @@ import pytest
 
 from addon.core.base.arrays import Map
 from addon.core.depth import semiglobal as module
-from addon.core.depth.semiglobal import STEPS, Costs, SemiglobalOptions, best_levels, lowest, semiglobal
-
-OPTIONS = SemiglobalOptions()
+from addon.core.depth.semiglobal import P1, P2, P2_HALVED_AT, STEPS, Costs, best_levels, lowest, semiglobal
 
 
 def random_costs(shape: tuple[int, int, int], seed: int) -> Costs:
@@ -21,7 +19,7 @@ def by_hand(costs: Costs, guide: Map) -> Costs:
     """Hirschmueller 2008, eq. 13, in four directions, with penalties in whole steps."""
     height, levels, width = costs.shape
     total = np.zeros(costs.shape, np.int64)
-    change = round(STEPS * OPTIONS.p1)
+    change = round(STEPS * P1)
     for down, across in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         path = np.zeros(costs.shape, np.int64)
         for row in range(height)[:: down or 1]:
@@ -32,7 +30,7 @@ def by_hand(costs: Costs, guide: Map) -> Costs:
                     continue
                 last = path[before[0], :, before[1]]
                 edge = abs(guide[row, column] - guide[before])
-                jump = round(STEPS * max(OPTIONS.p2 / (1 + edge / OPTIONS.p2_halved_at), 1.1 * OPTIONS.p1))
+                jump = round(STEPS * max(P2 / (1 + edge / P2_HALVED_AT), 1.1 * P1))
                 for k in range(levels):
                     steps = [last[j] + change for j in (k - 1, k + 1) if 0 <= j < levels]
                     best = min(last[k], last.min() + jump, *steps)
@@ -45,7 +43,7 @@ def test_costs_are_summed_along_four_directions() -> None:
     costs = random_costs((9, 7, 12), 3)
     guide = np.random.default_rng(3).uniform(0, 60, (9, 12)).astype(np.float32)
     # Penalties are rounded in single precision there and in double here: by a step a pixel of the way.
-    np.testing.assert_allclose(semiglobal(costs, guide, OPTIONS).astype(int), by_hand(costs, guide), atol=4)
+    np.testing.assert_allclose(semiglobal(costs, guide).astype(int), by_hand(costs, guide), atol=4)
 
 
 def test_the_largest_sums_have_room() -> None:
@@ -54,8 +52,8 @@ def test_the_largest_sums_have_room() -> None:
     costs = np.full((9, 7, 9), 15 * STEPS, np.uint16)
     costs[:, 3] = 0
     costs[4, :, 4] = 15 * STEPS
-    found = semiglobal(costs, np.zeros((9, 9), np.float32), OPTIONS)[4, :, 4]
-    np.testing.assert_array_equal(found[[0, 6]], round(4 * STEPS * (15 + OPTIONS.p2)))
+    found = semiglobal(costs, np.zeros((9, 9), np.float32))[4, :, 4]
+    np.testing.assert_array_equal(found[[0, 6]], round(4 * STEPS * (15 + P2)))
     assert found[3] == 4 * 15 * STEPS
 
 
@@ -79,6 +77,6 @@ def test_what_is_found_does_not_depend_on_the_processors(monkeypatch: pytest.Mon
     found = []
     for workers in (1, 2, 5, 16):
         monkeypatch.setattr(module, "threads", lambda workers=workers: workers)
-        found.append(semiglobal(costs, guide, OPTIONS))
+        found.append(semiglobal(costs, guide))
     for each in found[1:]:
         np.testing.assert_array_equal(each, found[0])

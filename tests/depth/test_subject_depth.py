@@ -10,7 +10,6 @@ import pytest
 
 from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.intrinsics import Intrinsics
-from addon.core.depth.completion import CompletionOptions
 from addon.core.depth.ground_contact import Plane, ground_below, rays_of
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.source import SURE
@@ -67,7 +66,7 @@ def placed(
     sure = np.ones_like(inverse) if confidence is None else confidence
     static = DenseDepth(1, inverse, np.where(moving, np.float32(0), sure), moving, pinhole)
     picture = np.full((*inverse.shape, 3), 90, np.uint8)
-    found = with_subjects(static, picture, subjects, CompletionOptions())
+    found = with_subjects(static, picture, subjects)
     np.testing.assert_array_equal(found.moving, moving)
     np.testing.assert_array_equal(found.inverse_depth[~moving], inverse[~moving])
     return found.inverse_depth, found.confidence

@@ -90,7 +90,7 @@ def off(ours: Winners, its: Winners) -> Floats:
 
 @pytest.mark.parametrize("case", ["as it is", "one side", "one view", "few levels", "seen by none", "narrow"])
 def test_levels_are_the_processors(case: str) -> None:
-    picture, views, levels, guide, known, options = gpu_matcher.sample()
+    picture, views, levels, guide, known = gpu_matcher.sample()
     if case == "one side":
         views = [view for view in views if view.side < 0]
     elif case == "one view":
@@ -101,7 +101,7 @@ def test_levels_are_the_processors(case: str) -> None:
         views = [replace(view, picture=np.zeros_like(view.picture)) for view in views]
     elif case == "narrow":
         picture, guide, known = (np.ascontiguousarray(part[:9, :5]) for part in (picture, guide, known))
-    ours, its = both(picture, views, levels, guide, known, options)
+    ours, its = both(picture, views, levels, guide, known)
     assert off(ours, its).max() < 0.05
     np.testing.assert_allclose(its.cost, ours.cost, atol=0.05)
     np.testing.assert_allclose(its.spread, ours.spread, atol=0.05)

@@ -3,41 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Floats, Indices, Map
 from ..base.progress import checkpoint
-from .plane_sweep import SweepOptions, View, sweep
-from .semiglobal import STEPS, Costs, SemiglobalOptions, best_levels, semiglobal
+from .plane_sweep import TRUNCATION, View, sweep
+from .semiglobal import STEPS, Costs, best_levels, semiglobal
 
-
-@dataclass(frozen=True)
-class MatchingOptions:
-    """How a level is chosen and trusted. Chosen by inspection, then judged together on the scenes with true
-    depth by `python -m benchmarks.accuracy.dense_depth`."""
-
-    prior_cost: float = 3.0
-    """Grey levels by which levels far from a feature's own depth cost more. Chosen by inspection."""
-    prior_reach: float = 4.0
-    """Levels from a feature's own from which on all others cost the same. Chosen by inspection."""
-    rival_margin: float = 3.0
-    """Summed cost in grey levels: a level within so much of the best one is its rival. Chosen by
-    inspection."""
-    rival_share: float = 0.2
-    """Share of levels that are rivals with which the best one means nothing. Chosen by inspection."""
-    texture_window: int = 9
-    """Pixels across the window in which the best level must beat the mean one. Chosen by inspection."""
-    least_texture: float = 0.4
-    """Grey levels by which the best level must beat the mean there to tell anything. Chosen by inspection."""
-    no_match: float = 0.875
-    """Of the truncated mismatch, at which nothing was found at all. Chosen by inspection."""
-    sweep: SweepOptions = field(default_factory=SweepOptions)
-    """Matching cost."""
-    semiglobal: SemiglobalOptions = field(default_factory=SemiglobalOptions)
-    """Cost of a change of depth."""
+PRIOR_COST = 3.0
+"""Grey levels by which levels far from a feature's own depth cost more."""
+PRIOR_REACH = 4.0
+"""Levels from a feature's own from which on all others cost the same."""
+RIVAL_MARGIN = 3.0
+"""Summed cost in grey levels: a level within so much of the best one is its rival."""
+RIVAL_SHARE = 0.2
+"""Share of levels that are rivals with which the best one means nothing."""
+TEXTURE_WINDOW = 9
+"""Pixels across the window in which the best level must beat the mean one."""
+LEAST_TEXTURE = 0.4
+"""Grey levels by which the best level must beat the mean there to tell anything."""
+NO_MATCH = 0.875
+"""Of the truncated mismatch, at which nothing was found at all."""
 
 
 @dataclass(frozen=True)
@@ -62,14 +51,14 @@ class Winners:
     level: Map
     """(h, w) float32 number of the level, with its fraction."""
     rivals: Indices
-    """(h, w) how many levels have sums within `rival_margin` of the least one, itself among them."""
+    """(h, w) how many levels have sums within `RIVAL_MARGIN` of the least one, itself among them."""
     cost: Map
     """(h, w) float32 cost of the level before it is summed, in grey levels."""
     spread: Map
     """(h, w) float32 mean cost of all levels less the least one, in grey levels."""
 
 
-Matcher = Callable[[Bytes, Sequence[View], Floats, Map, Map, MatchingOptions], Winners]
+Matcher = Callable[[Bytes, Sequence[View], Floats, Map, Map], Winners]
 """`winning_levels`, or what gives the same within half a level: elsewhere than on the processor, say."""
 
 
@@ -78,39 +67,36 @@ def matched_levels(
     views: Sequence[View],
     levels: Floats,
     features: Features,
-    options: MatchingOptions,
     matcher: Matcher,
 ) -> tuple[Map, Map]:
     """(h, w) level, with its fraction, of a frame (h, w, 4) at inverse depths `levels` (k,), which are evenly
     apart; and the confidence (h, w) in it, before what the parallax says of it. `matcher` finds it."""
     guide = np.asarray(cv2.cvtColor(picture[..., :3], cv2.COLOR_RGB2GRAY), np.float32)
     known = _known_levels(features, levels)
-    found = matcher(picture, views, levels, guide, known, options)
-    texture = cv2.blur(found.spread, (options.texture_window,) * 2)
-    unique = np.clip(1.2 - found.rivals / np.float32(options.rival_share * len(levels)), 0, 1)
-    agreed = np.clip(2 - 2 * found.cost / (options.no_match * options.sweep.truncation), 0, 1)
-    textured = np.clip(texture / options.least_texture - 0.5, 0, 1)
+    found = matcher(picture, views, levels, guide, known)
+    texture = cv2.blur(found.spread, (TEXTURE_WINDOW,) * 2)
+    unique = np.clip(1.2 - found.rivals / np.float32(RIVAL_SHARE * len(levels)), 0, 1)
+    agreed = np.clip(2 - 2 * found.cost / (NO_MATCH * TRUNCATION), 0, 1)
+    textured = np.clip(texture / LEAST_TEXTURE - 0.5, 0, 1)
     unseen = picture[..., 3] < 255
     return found.level, np.where(unseen, 0, unique * agreed * textured).astype(np.float32)
 
 
-def winning_levels(
-    picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map, options: MatchingOptions
-) -> Winners:
+def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map) -> Winners:
     """The winners of a frame (h, w, 4), `guide` (h, w) in grey levels, at inverse depths `levels` (k,), where
     features tell that some pixels are at levels `known` (h, w), NaN elsewhere; found by the processor."""
-    costs = sweep(picture, views, levels, guide, options.sweep)
+    costs = sweep(picture, views, levels, guide)
     # What lies past the lens's picture continues what lies within.
     costs.swapaxes(1, 2)[picture[..., 3] < 255] = 0
     checkpoint(0.5)
     spread = costs.mean(axis=1, dtype=np.float32) - costs.min(axis=1)
     checkpoint(0.5)
-    _add_sparse_prior(costs, known, options)
-    sums = semiglobal(costs, guide, options.semiglobal)
+    _add_sparse_prior(costs, known)
+    sums = semiglobal(costs, guide)
     checkpoint(0.7)
     best, level = best_levels(sums)
     checkpoint(0.7)
-    limit = sums.min(axis=1) + np.uint16(round(STEPS * options.rival_margin))
+    limit = sums.min(axis=1) + np.uint16(round(STEPS * RIVAL_MARGIN))
     rivals = np.count_nonzero(sums < limit[:, None], axis=1)
     at = np.asarray(np.take_along_axis(costs, best[:, None], axis=1)[:, 0], np.float32)
     return Winners(level, rivals, at / np.float32(STEPS), spread / np.float32(STEPS))
@@ -130,9 +116,9 @@ def _known_levels(features: Features, levels: Floats) -> Map:
     return known
 
 
-def _add_sparse_prior(costs: Costs, known: Map, options: MatchingOptions) -> None:
+def _add_sparse_prior(costs: Costs, known: Map) -> None:
     """Prefer in costs (h, k, w) the levels `known` (h, w) of some pixels."""
     row, column = np.nonzero(~np.isnan(known))
     off = np.abs(np.arange(costs.shape[1], dtype=np.float32) - known[row, column][:, None])
-    prior = STEPS * options.prior_cost * np.minimum(off / options.prior_reach, 1)
+    prior = STEPS * PRIOR_COST * np.minimum(off / PRIOR_REACH, 1)
     costs[row, :, column] += np.rint(prior).astype(np.uint16)

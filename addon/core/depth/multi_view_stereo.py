@@ -19,8 +19,8 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
 from ..media.clip import encode_srgb
 from ..media.picture_file import Pixels
-from .completion import CompletionOptions, interpolate, smooth, splat
-from .matching import Features, Matcher, MatchingOptions, matched_levels, winning_levels
+from .completion import interpolate, smooth, splat
+from .matching import Features, Matcher, matched_levels, winning_levels
 from .plane_sweep import View, small_picture
 from .source import FAINTEST
 from .sparse import frame_features
@@ -70,10 +70,6 @@ class StereoOptions:
     """Of the width, that the nearest thing moves in the farthest frame where no points are. By eye."""
     selection: SelectionOptions = field(default_factory=SelectionOptions)
     """How the neighbours are chosen."""
-    matching: MatchingOptions = field(default_factory=MatchingOptions)
-    """How a pixel's depth level is chosen and trusted."""
-    completion: CompletionOptions = field(default_factory=CompletionOptions)
-    """Depth where there are only sparse points, and smooth surfaces."""
 
     def of_photos(self) -> StereoOptions:
         """The same for photos in no order. Where they stand far apart, a level is a step of many pixels and
@@ -145,7 +141,7 @@ class PlaneSweepStereo:
         UserError where the frame or a neighbour cannot be read, no frame is registered, or its lens bends
         more than a flat picture can show.
         """
-        options, completion = self._options, self._options.completion
+        options = self._options
         image, _ = self._rec.image_at(frame)
         masked = self._masked(image)
         canvas, own = self._canvas(image), self._picture(image).copy()
@@ -161,15 +157,13 @@ class PlaneSweepStereo:
         near = self._neighbours(image, (low, high), options.depth_parallaxes)
         widest = max((one.parallax for one in near), default=0.0)
         median = float(np.median(features.inverse_depth)) if len(features.points) else middle
-        sparse = np.maximum(interpolate(guide, known, count, median, completion), 0)
+        sparse = np.maximum(interpolate(guide, known, count, median), 0)
         if widest < options.least_parallax:
             return DenseDepth(frame, sparse, np.zeros(shape, np.float32), masked, canvas.pinhole)
         levels = np.linspace(low, high, int(np.clip(np.ceil(widest / options.level_step), *options.levels)))
         views = [self._view(image, own, one, middle) for one in near]
-        level, confidence = matched_levels(
-            own, views, levels, Features(known, count), options.matching, self._matcher
-        )
-        inverse = low + (levels[1] - levels[0]) * smooth(level, completion)
+        level, confidence = matched_levels(own, views, levels, Features(known, count), self._matcher)
+        inverse = low + (levels[1] - levels[0]) * smooth(level)
         inverse = np.maximum(inverse, 0).astype(np.float32)
         if widest < options.sure_parallax:
             share = np.float32(
@@ -284,7 +278,7 @@ class PlaneSweepStereo:
         views = [self._view(image, own, one, (low + high) / 2).shrunk(options.probe_zoom) for one in near]
         small = small_picture(own, options.probe_zoom)
         none = Features.none(small.shape)
-        level, confidence = matched_levels(small, views, levels, none, options.matching, self._matcher)
+        level, confidence = matched_levels(small, views, levels, none, self._matcher)
         nearer = low + (levels[1] - levels[0]) * level[confidence > 0.5]
         if np.count_nonzero(nearer > high) < options.probe_share * level.size:
             return high

@@ -22,23 +22,16 @@ UNSEEN = 65535
 """Cost of a level at which no neighbour sees the place, until all were looked at."""
 
 
-@dataclass(frozen=True)
-class SweepOptions:
-    """Matching cost. Chosen by inspection, then judged together on the scenes with true depth by `python -m
-    benchmarks.accuracy.dense_depth`."""
-
-    truncation: int = 8
-    """Grey levels: differences are cut there, as a larger one is another surface. Chosen by inspection."""
-    least_depth_ratio: float = 0.05
-    """A plane whose depth shrinks below this share on the way to a neighbour is left out for it. Chosen by
-    inspection."""
-    guide_radius: int = 2
-    """Pixels: radius of the guided filter that gathers costs. Chosen by inspection."""
-    guide_epsilon: float = 30.0
-    """Squared grey levels that count as one surface in that guided filter. Chosen by inspection."""
-    far_preference: float = 0.1
-    """Grey levels by which the farthest is preferred to the nearest: what is plain is often sky. Chosen by
-    inspection."""
+TRUNCATION = 8
+"""Grey levels: differences are cut there, as a larger one is another surface."""
+LEAST_DEPTH_RATIO = 0.05
+"""A plane whose depth shrinks below this share on the way to a neighbour is left out for it."""
+GUIDE_RADIUS = 2
+"""Pixels: radius of the guided filter that gathers costs."""
+GUIDE_EPSILON = 30.0
+"""Squared grey levels that count as one surface in that guided filter."""
+FAR_PREFERENCE = 0.1
+"""Grey levels by which the farthest is preferred to the nearest: what is plain is often sky."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +55,10 @@ class View:
         """(3, 3) from the frame's pixels to the neighbour's, of the plane at one inverse depth."""
         return np.asarray(self.infinite_homography + inverse * self.parallax_term)
 
-    def sees_plane(self, inverse: float, width: int, height: int, least_depth_ratio: float) -> bool:
-        """Whether all of a plane facing the frame lies ahead of the neighbour too, as far as that ratio of
-        its depths in both."""
+    def sees_plane(self, inverse: float, width: int, height: int) -> bool:
+        """Return whether a plane facing the frame lies ahead of the neighbour, too, in all of the picture."""
         corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1.0]])
-        return bool((corners @ self.homography(inverse)[2]).min() > least_depth_ratio)
+        return bool((corners @ self.homography(inverse)[2]).min() > LEAST_DEPTH_RATIO)
 
     def warped(self, inverse: float, width: int, height: int, into: Bytes | None = None) -> Bytes:
         """(height, width, 4) what it sees of a plane facing the frame at one inverse depth."""
@@ -105,9 +97,7 @@ def _scaling(across: float, down: float) -> Floats:
     return np.array([[across, 0, (across - 1) / 2], [0, down, (down - 1) / 2], [0, 0, 1.0]])
 
 
-def sweep(
-    reference: Bytes, views: Sequence[View], levels: Floats, guide: Map, options: SweepOptions
-) -> Costs:
+def sweep(reference: Bytes, views: Sequence[View], levels: Floats, guide: Map) -> Costs:
     """(h, k, w) mismatch of a frame (h, w, 4) at inverse depths (k,), in `STEPS` of a grey level; `guide` (h,
     w) is the frame in grey levels.
 
@@ -125,15 +115,15 @@ def sweep(
 
     @in_this_scope
     def fill(first: int) -> None:
-        filtering = cv2.ximgproc.createGuidedFilter(guide, options.guide_radius, options.guide_epsilon)
+        filtering = cv2.ximgproc.createGuidedFilter(guide, GUIDE_RADIUS, GUIDE_EPSILON)
         room = np.empty((2, *reference.shape), np.uint8)
         for k in range(first, len(levels), workers):
             checkpoint(k / len(levels))
-            costs[:, k] = _mismatch(reference, views, float(levels[k]), filtering.filter, room, options)
+            costs[:, k] = _mismatch(reference, views, float(levels[k]), filtering.filter, room)
 
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(fill, range(workers)))
-    preferred = np.linspace(0, STEPS * options.far_preference, len(levels))
+    preferred = np.linspace(0, STEPS * FAR_PREFERENCE, len(levels))
     return _finished(costs, np.rint(preferred).astype(np.uint16))
 
 
@@ -143,28 +133,27 @@ def _mismatch(
     inverse: float,
     gather: Callable[[Map], Map],
     room: Bytes,
-    options: SweepOptions,
 ) -> Costs:
     """(h, w) gathered mismatch of a frame (h, w, 4) at one inverse depth with the neighbours of the better
     side, `UNSEEN` where none sees all around; `room` (2, h, w, 4) is written to."""
     height, width = reference.shape[:2]
     best, hidden = None, None
     # A guided filter averages twice over its radius.
-    window = np.ones((4 * options.guide_radius + 1,) * 2, np.uint8)
+    window = np.ones((4 * GUIDE_RADIUS + 1,) * 2, np.uint8)
     for side in sorted({view.side for view in views}):
         total = np.zeros((height, width), np.uint8)
         count = np.zeros_like(total)
         for view in views:
-            ahead = view.sees_plane(inverse, width, height, options.least_depth_ratio)
+            ahead = view.sees_plane(inverse, width, height)
             if view.side != side or not ahead:
                 continue
             seen = view.warped(inverse, width, height, room[0])
             off = cv2.cvtColor(cv2.absdiff(reference, seen, dst=room[1]), cv2.COLOR_RGBA2GRAY)
             valid = cv2.compare(cv2.extractChannel(seen, 3), 254, cv2.CMP_GE)  # type: ignore[call-overload]
-            cv2.add(total, cv2.min(off, options.truncation), dst=total, mask=valid)  # type: ignore[call-overload]
+            cv2.add(total, cv2.min(off, TRUNCATION), dst=total, mask=valid)  # type: ignore[call-overload]
             cv2.add(count, 1, dst=count, mask=valid)  # type: ignore[call-overload]
         unseen = cv2.compare(count, 0, cv2.CMP_EQ)  # type: ignore[call-overload]
-        cv2.add(total, options.truncation, dst=total, mask=unseen)  # type: ignore[call-overload]
+        cv2.add(total, TRUNCATION, dst=total, mask=unseen)  # type: ignore[call-overload]
         mean = cv2.divide(total, cv2.max(count, 1), scale=STEPS, dtype=cv2.CV_32F)  # type: ignore[call-overload]
         cost = gather(np.asarray(mean, np.float32))
         best = cost if best is None else cv2.min(best, cost)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -28,29 +27,21 @@ NARROWEST = 128
 that they take with all 640, by a scratch script."""
 CHECKED = 4
 """Rows of costs between two checkpoints: 5 ms at 960x540 pixels and 64 levels, on an idle machine."""
+P1 = 0.6
+"""Grey levels: cost of a change of depth by one level."""
+P2 = 10.0
+"""Grey levels: cost of a larger change where the picture has no edge."""
+P2_HALVED_AT = 8.0
+"""Grey levels between neighbouring pixels at which a larger change of depth costs half."""
 
 
-@dataclass(frozen=True)
-class SemiglobalOptions:
-    """Costs of a change of depth. Chosen by inspection, then judged together on the scenes with true depth by
-    `python -m benchmarks.accuracy.dense_depth`."""
-
-    p1: float = 0.6
-    """Grey levels: cost of a change of depth by one level. Chosen by inspection."""
-    p2: float = 10.0
-    """Grey levels: cost of a larger change where the picture has no edge. Chosen by inspection."""
-    p2_halved_at: float = 8.0
-    """Grey levels between neighbouring pixels at which a larger change of depth costs half. Chosen by
-    inspection."""
-
-
-def semiglobal(costs: Costs, guide: Map, options: SemiglobalOptions) -> Costs:
+def semiglobal(costs: Costs, guide: Map) -> Costs:
     """(h, k, w) costs summed along the rows and columns of the picture, (h, w) grey levels, both ways."""
     height, count, width = costs.shape
     upright = np.empty((width, count, height), np.uint16)
     down, across = np.empty_like(costs), np.empty_like(upright)
     ways = [
-        (part[..., columns], light[:, columns], options, total[..., columns])
+        (part[..., columns], light[:, columns], total[..., columns])
         for part, light, total in ((costs, guide, down), (upright, guide.T, across))
         for columns in _blocks(light.shape[1])
     ]
@@ -81,12 +72,12 @@ def _add_transposed(plane: Costs, other: Costs) -> None:
     cv2.add(plane, cv2.transpose(other), dst=plane)
 
 
-def _both_ways(costs: Costs, guide: Map, options: SemiglobalOptions, total: Costs) -> None:
+def _both_ways(costs: Costs, guide: Map, total: Costs) -> None:
     """Costs (h, k, w) summed along the columns of a grey picture (h, w), downwards and upwards, into `total`
     (h, k, w)."""
-    p1 = np.uint16(np.rint(STEPS * options.p1))
-    p2 = options.p2 / (1 + np.abs(np.diff(guide, axis=0)) / options.p2_halved_at)
-    p2 = np.rint(STEPS * np.maximum(p2, 1.1 * options.p1)).astype(np.uint16)
+    p1 = np.uint16(np.rint(STEPS * P1))
+    p2 = P2 / (1 + np.abs(np.diff(guide, axis=0)) / P2_HALVED_AT)
+    p2 = np.rint(STEPS * np.maximum(p2, 1.1 * P1)).astype(np.uint16)
     last = len(costs) - 1
     beside = np.empty_like(costs[0])
     for rows in (range(last + 1), range(last, -1, -1)):

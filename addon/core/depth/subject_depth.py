@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.arrays import Bytes, Floats, Ints, Map, Mask
 from ..camera.intrinsics import Intrinsics
-from .completion import CompletionOptions, interpolate
+from .completion import LEAST_WEIGHT, interpolate
 from .ground_contact import GAP, contact, ground_below, rays_of, upright
 from .multi_view_stereo import DenseDepth
 
@@ -40,7 +40,6 @@ def with_subjects(
     static: DenseDepth,
     picture: Bytes,
     subjects: Sequence[tuple[Mask, float | None]],
-    completion: CompletionOptions,
 ) -> DenseDepth:
     """Give each moving pixel of a frame the depth of its subject.
 
@@ -52,7 +51,6 @@ def with_subjects(
         static: Depth of the static scene; what it holds in moving pixels is ignored.
         picture: (h, w, 3) uint8, what the depth is over.
         subjects: Mask (h, w) and median inverse depth of each subject. The first one has shared pixels.
-        completion: Options of the interpolation from the surroundings.
 
     Returns:
         The depth of all pixels. Moving pixels are known only as well as the distance of their subject.
@@ -62,9 +60,9 @@ def with_subjects(
     inverse, confidence = static.inverse_depth.copy(), static.confidence.copy()
     sure = ~static.moving & (confidence > PLACED)
     apart = sure & (cv2.dilate(static.moving.astype(np.uint8), np.ones((2 * GAP + 1,) * 2)) == 0)
-    weight = np.where(static.moving, 0, confidence + np.float32(completion.least_weight)).astype(np.float32)
+    weight = np.where(static.moving, 0, confidence + np.float32(LEAST_WEIGHT)).astype(np.float32)
     guide = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    around = interpolate(guide, static.inverse_depth, weight, float(np.median(inverse)), completion)
+    around = interpolate(guide, static.inverse_depth, weight, float(np.median(inverse)))
     for mask, known in _separated(static.moving, subjects):
         standing = _standing(mask, static.inverse_depth, apart, static.pinhole)
         is_placed = known is not None or standing is not None

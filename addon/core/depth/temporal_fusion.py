@@ -14,7 +14,6 @@ from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
-from .completion import CompletionOptions
 from .depth_store import DepthStore
 from .map_fusion import (
     BEYOND,
@@ -119,7 +118,7 @@ class TemporalFusion:
             (stereo.on_canvas(image, each.mask(frame)), each.inverse_depth(frame))
             for each in self._subjects()
         ]
-        return with_subjects(static, picture, subjects, CompletionOptions())
+        return with_subjects(static, picture, subjects)
 
     def _in_place(self, depth: DenseDepth, image: Image, here: Image) -> tuple[Map, Map, Map]:
         """What `in_place` tells of a key frame in a frame's place and past its border."""
