@@ -29,6 +29,32 @@ from .view_selection import Neighbour, SelectionOptions, parallaxes, relative_po
 Moving = Callable[[int], Map | Mask | None]
 """(h, w), at any size, the opacity in [0, 1] of what moves by itself in a source frame; None where nothing is
 known of it."""
+WIDEST_PARALLAX = 0.1
+"""Of the longer side, by which the scene's depths should move apart in the farthest neighbour."""
+DEPTH_PARALLAXES = (1.0, 0.6, 0.3)
+"""Of the widest parallax, in the neighbours on either side that the sweep uses."""
+LEVEL_STEP = 1.25
+"""Pixels in the farthest neighbour between two depth levels."""
+LEAST_PARALLAX = 1.0
+"""Pixels in the farthest neighbour; with less there is only the depth of sparse points."""
+SURE_PARALLAX = 8.0
+"""Pixels in the farthest neighbour from which on depth is as sure as its matches."""
+PROBE_PARALLAXES = (0.5, 0.25)
+"""Of the widest parallax, in the coarse sweep that looks for what is nearer than all points."""
+PROBE_ZOOM = 4
+"""Times that the pictures of that coarse sweep are smaller."""
+PROBE_LEVELS = 48
+"""Depth levels of that coarse sweep."""
+PROBE_REACH = 3.0
+"""Times the largest inverse depth of the points, up to which that coarse sweep looks."""
+RANGE_MARGIN = 0.2
+"""Of the points' range of inverse depths, that is searched beyond it."""
+LEAST_POINTS = 8
+"""Points that tell a range of depths."""
+MANY_POINTS = 100
+"""Points of the frame's own that tell its range without those of other frames."""
+BLIND_PARALLAX = 0.3
+"""Of the width, that the nearest thing moves in the farthest frame where no points are."""
 
 
 @dataclass(frozen=True)
@@ -38,36 +64,10 @@ class StereoOptions:
 
     long_side: int = 960
     """Pixels of the longer side that is worked at. Past it, time and memory grow and a blur gains little."""
-    widest_parallax: float = 0.1
-    """Of the longer side, by which the scene's depths should move apart in the farthest neighbour. By eye."""
-    depth_parallaxes: tuple[float, ...] = (1.0, 0.6, 0.3)
-    """Of the widest parallax, in the neighbours on either side that the sweep uses. By eye."""
-    level_step: float = 1.25
-    """Pixels in the farthest neighbour between two depth levels. By eye."""
     levels: tuple[int, int] = (16, 64)
     """Least and largest number of depth levels. By eye."""
-    least_parallax: float = 1.0
-    """Pixels in the farthest neighbour; with less there is only the depth of sparse points. By eye."""
-    sure_parallax: float = 8.0
-    """Pixels in the farthest neighbour from which on depth is as sure as its matches. By eye."""
-    probe_parallaxes: tuple[float, ...] = (0.5, 0.25)
-    """Of the widest parallax, in the coarse sweep that looks for what is nearer than all points. By eye."""
-    probe_zoom: int = 4
-    """Times that the pictures of that coarse sweep are smaller. By eye."""
-    probe_levels: int = 48
-    """Depth levels of that coarse sweep. By eye."""
-    probe_reach: float = 3.0
-    """Times the largest inverse depth of the points, up to which that coarse sweep looks. By eye."""
     probe_share: float = 0.01
     """Share of the picture that must be nearer than all points to be believed. By eye."""
-    range_margin: float = 0.2
-    """Of the points' range of inverse depths, that is searched beyond it. By eye."""
-    least_points: int = 8
-    """Points that tell a range of depths. By eye."""
-    many_points: int = 100
-    """Points of the frame's own that tell its range without those of other frames. By eye."""
-    blind_parallax: float = 0.3
-    """Of the width, that the nearest thing moves in the farthest frame where no points are. By eye."""
     selection: SelectionOptions = field(default_factory=SelectionOptions)
     """How the neighbours are chosen."""
 
@@ -154,23 +154,21 @@ class PlaneSweepStereo:
         middle = (low + high) / 2
         known, count = splat(features.observed, features.inverse_depth, shape)
         count[masked] = 0
-        near = self._neighbours(image, (low, high), options.depth_parallaxes)
+        near = self._neighbours(image, (low, high), DEPTH_PARALLAXES)
         widest = max((one.parallax for one in near), default=0.0)
         median = float(np.median(features.inverse_depth)) if len(features.points) else middle
         sparse = np.maximum(interpolate(guide, known, count, median), 0)
-        if widest < options.least_parallax:
+        if widest < LEAST_PARALLAX:
             return DenseDepth(frame, sparse, np.zeros(shape, np.float32), masked, canvas.pinhole)
-        levels = np.linspace(low, high, int(np.clip(np.ceil(widest / options.level_step), *options.levels)))
+        levels = np.linspace(low, high, int(np.clip(np.ceil(widest / LEVEL_STEP), *options.levels)))
         views = [self._view(image, own, one, middle) for one in near]
         level, confidence = matched_levels(own, views, levels, Features(known, count), self._matcher)
         inverse = low + (levels[1] - levels[0]) * smooth(level)
         inverse = np.maximum(inverse, 0).astype(np.float32)
-        if widest < options.sure_parallax:
-            share = np.float32(
-                (widest - options.least_parallax) / (options.sure_parallax - options.least_parallax)
-            )
+        if widest < SURE_PARALLAX:
+            share = np.float32((widest - LEAST_PARALLAX) / (SURE_PARALLAX - LEAST_PARALLAX))
             confidence *= share
-            if len(features.points) >= options.least_points:
+            if len(features.points) >= LEAST_POINTS:
                 inverse = share * inverse + (1 - share) * sparse
         checkpoint(0.8)
         confidence = np.where(masked, np.float32(0), confidence)
@@ -191,12 +189,12 @@ class PlaneSweepStereo:
     def prefetch(self, frames: list[int]) -> None:
         """Read what the depth of frames is found from, in the order of the clip: a video that is read to and
         fro is decoded again and again. Errors as `at`."""
-        options, wanted = self._options, dict[int, Image]()
+        wanted = dict[int, Image]()
         for frame in frames:
             image, _ = self._rec.image_at(frame)
             span = self._range(image)
             wanted[image.frame] = image
-            for shares in (options.depth_parallaxes, options.probe_parallaxes):
+            for shares in (DEPTH_PARALLAXES, PROBE_PARALLAXES):
                 near = self._neighbours(image, span, shares)
                 wanted |= {one.image.frame: one.image for one in near}
         for _, image in sorted(wanted.items()):
@@ -257,13 +255,13 @@ class PlaneSweepStereo:
             inside = ahead & np.all((xy > 0) & (xy < [camera.width, camera.height]), axis=1)
         # Points that other frames saw may be hidden here, and are less certain.
         own = np.isin(np.arange(len(inside)), image.points)
-        inside &= own | (np.count_nonzero(inside & own) < self._options.many_points)
-        if inside.sum() < self._options.least_points:
+        inside &= own | (np.count_nonzero(inside & own) < MANY_POINTS)
+        if inside.sum() < LEAST_POINTS:
             far = max(float(np.linalg.norm(other.centre - image.centre)) for other in self._rec.images)
-            nearest = self._options.blind_parallax * camera.width / camera.fx
+            nearest = BLIND_PARALLAX * camera.width / camera.fx
             return 0.0, nearest / far if np.isfinite(far) and far > 0 else 1.0
         low, high = np.percentile(1 / local[inside, 2], [0.5, 99.5])
-        spare = self._options.range_margin * max(high - low, 0.01 * high)
+        spare = RANGE_MARGIN * max(high - low, 0.01 * high)
         # What is infinitely far has no points: nothing tells how far it is but that it moves least.
         low = 0.0 if low < 0.35 * high else low - spare
         return float(low), float(high + spare)
@@ -271,12 +269,12 @@ class PlaneSweepStereo:
     def _nearest(self, image: Image, own: Bytes, low: float, high: float) -> float:
         """The largest inverse depth again, where things stand nearer than all points: by a coarse sweep."""
         options = self._options
-        near = self._neighbours(image, (low, high), options.probe_parallaxes)
-        if not near or max(one.parallax for one in near) < options.least_parallax:
+        near = self._neighbours(image, (low, high), PROBE_PARALLAXES)
+        if not near or max(one.parallax for one in near) < LEAST_PARALLAX:
             return high
-        levels = np.linspace(low, options.probe_reach * high, options.probe_levels)
-        views = [self._view(image, own, one, (low + high) / 2).shrunk(options.probe_zoom) for one in near]
-        small = small_picture(own, options.probe_zoom)
+        levels = np.linspace(low, PROBE_REACH * high, PROBE_LEVELS)
+        views = [self._view(image, own, one, (low + high) / 2).shrunk(PROBE_ZOOM) for one in near]
+        small = small_picture(own, PROBE_ZOOM)
         none = Features.none(small.shape)
         level, confidence = matched_levels(small, views, levels, none, self._matcher)
         nearer = low + (levels[1] - levels[0]) * level[confidence > 0.5]
@@ -289,13 +287,13 @@ class PlaneSweepStereo:
     ) -> list[Neighbour]:
         """The source views in which a span of inverse depths moves apart by shares of the widest parallax."""
         pinhole = self._canvas(image).pinhole
-        selection, widest = self._options.selection, self._options.widest_parallax
+        selection = self._options.selection
 
         def found() -> list[tuple[Image, float]]:
             others = [(each, self._canvas(each).pinhole) for each in self._rec.images if each is not image]
             return parallaxes(image, pinhole, others, span, selection)
 
-        wanted = [share * widest * max(pinhole.width, pinhole.height) for share in shares]
+        wanted = [share * WIDEST_PARALLAX * max(pinhole.width, pinhole.height) for share in shares]
         possible = self._parallaxes.get((image.frame, span), found)
         return select_source_views(image, possible, wanted, selection)
 

@@ -19,7 +19,7 @@ from ..base.nearest_fill import of_nearest
 from ..base.progress import checkpoint
 from ..depth.source import FAINTEST
 from .matting import (
-    MattingOptions,
+    MOST_THROUGH,
     Surfaces,
     behind,
     corrected,
@@ -40,8 +40,6 @@ LEAST_SILHOUETTE = 32
 RISE = 0.5
 """Of the least jump, by which a far surface may rise from a pixel to the next: diagonally it is half
 more, and still no jump."""
-MATTING = MattingOptions()
-"""How mixed pixels are divided."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +121,7 @@ def split(
     near_side, far_side = _silhouettes(disparity, jump)
     mixed = near_side | far_side
     checkpoint(0.2)
-    surfaces = surfaces_beside(picture, disparity, mixed, jump, MATTING)
+    surfaces = surfaces_beside(picture, disparity, mixed, jump)
     checkpoint(0.3)
     others = np.zeros_like(mixed)
     if least < jump:
@@ -138,18 +136,18 @@ def split(
     reprojected = np.zeros(disparity.shape, bool)
     if fill is not None:
         seen, known = fill(beyond.far, beyond.disoccluded | mixed)
-        surfaces = with_reprojected(surfaces, picture[mixed, :3], seen[mixed], known[mixed], MATTING)
+        surfaces = with_reprojected(surfaces, picture[mixed, :3], seen[mixed], known[mixed])
         reprojected = known & (beyond.disoccluded | sheer)
         colour[reprojected] = seen[reprojected]
     checkpoint(0.5)
     front, front_disparity = picture.copy(), disparity.copy()
-    alpha, front[mixed, :3], beside = matted(picture[mixed, :3], surfaces, MATTING)
+    alpha, front[mixed, :3], beside = matted(picture[mixed, :3], surfaces)
     colour[mixed] = np.where((sheer & reprojected)[mixed, None], colour[mixed], beside)
     front[mixed, 3], front_disparity[mixed] = alpha, surfaces.near_disparity
     known = ~(beyond.occluded | sheer) | reprojected
     if opacity is not None and matte is not None and sheer.any():
         # Of what is seen through, the pixel itself tells the colour behind.
-        through = sheer & ~reprojected & (matte < MATTING.most_through)
+        through = sheer & ~reprojected & (matte < MOST_THROUGH)
         near = inpainted(_colour(picture), opacity >= 1 - FAINTEST)
         colour[through] = behind(picture[through, :3], matte[through], near[through])
         known |= through

@@ -17,27 +17,23 @@ SEEN_DOUBT = 0.05
 the composites of `alpha_crops` it gains 0.6 to 1.4 dB with found mattes and 0.8 to 3.6 dB with true ones."""
 
 
-@dataclass(frozen=True)
-class MattingOptions:
-    """When a mixed pixel's alpha follows from its colour, and when from its depth."""
-
-    search_radius: int = 3
-    """Pixels around a mixed one in which its two surfaces are looked for. By eye."""
-    variance_weight: float = 4.0
-    """How much more a surface's colours vary across a silhouette than beside it, in variances. By eye, with
-    bars and foreground of `python -m benchmarks.accuracy`."""
-    thin_pixels: int = 6
-    """Pixels that something thin must have near each other to be one. By eye, with the same scenes."""
-    thin_radius: int = 7
-    """Pixels along something thin from which its colour is taken. By eye."""
-    reprojected_residual: float = 0.05
-    """Distance of colours (linear light) by which what other frames saw may explain a mixed pixel worse than
-    what is beside it. By eye; with other frames' colours blocks go from 77 to 80 % of the gap closed to the
-    oracle at edges (32 px, true depth)."""
-    most_through: float = 0.5
-    """Alpha of a given matte from which on a pixel tells nothing of the colour behind it. By eye."""
-    least_contrast: float = 0.02
-    """Distance of two colours (linear light) from which on they tell a mixed pixel's alpha. By eye."""
+SEARCH_RADIUS = 3
+"""Pixels around a mixed one in which its two surfaces are looked for."""
+VARIANCE_WEIGHT = 4.0
+"""How much more a surface's colours vary across a silhouette than beside it, in variances. By eye, with
+bars and foreground of `python -m benchmarks.accuracy`."""
+THIN_PIXELS = 6
+"""Pixels that something thin must have near each other to be one. By eye, with the same scenes."""
+THIN_RADIUS = 7
+"""Pixels along something thin from which its colour is taken."""
+REPROJECTED_RESIDUAL = 0.05
+"""Distance of colours (linear light) by which what other frames saw may explain a mixed pixel worse than
+what is beside it. By eye; with other frames' colours blocks go from 77 to 80 % of the gap closed to the
+oracle at edges (32 px, true depth)."""
+MOST_THROUGH = 0.5
+"""Alpha of a given matte from which on a pixel tells nothing of the colour behind it."""
+LEAST_CONTRAST = 0.02
+"""Distance of two colours (linear light) from which on they tell a mixed pixel's alpha."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +62,7 @@ class Surfaces:
     """(n,) whether there is a near surface: of something thin, too few pixels may be near each other."""
 
 
-def surfaces_beside(
-    picture: LinearRGBA, disparity: Map, mixed: Mask, jump: float, options: MattingOptions
-) -> Surfaces:
+def surfaces_beside(picture: LinearRGBA, disparity: Map, mixed: Mask, jump: float) -> Surfaces:
     """The surfaces beside the mixed pixels (H, W) of a picture (H, W, 4) with disparities (H, W)."""
     row, column = np.nonzero(mixed)
     own = disparity[row, column]
@@ -76,7 +70,7 @@ def surfaces_beside(
     middle = np.float32(0.5) * (high + low)
     # What is nearer or farther still belongs to a third surface.
     bounds = np.stack([low - np.float32(jump), middle, high + np.float32(jump)])
-    radius = options.search_radius
+    radius = SEARCH_RADIUS
     sides = _sums(picture, disparity, ~mixed, row, column, bounds, radius)
     thin = sides[0].weight == 0
     lacking = np.flatnonzero(thin | (sides[1].weight == 0))
@@ -89,10 +83,10 @@ def surfaces_beside(
     near, near_disparity, near_variance = sides[0].means(colour, own, high)
     far, far_disparity, far_variance = sides[1].means(colour, own, low)
     near[thin], near_variance[thin], count = _thin(
-        picture, disparity, row[thin], column[thin], near_disparity[thin], jump, options.thin_radius
+        picture, disparity, row[thin], column[thin], near_disparity[thin], jump, THIN_RADIUS
     )
     exists = np.ones(len(row), bool)
-    exists[thin] = count >= options.thin_pixels
+    exists[thin] = count >= THIN_PIXELS
     # That something thin is there at all, only its colour tells.
     alpha = ((own > middle) & ~thin).astype(np.float64)
     return Surfaces(
@@ -100,9 +94,7 @@ def surfaces_beside(
     )
 
 
-def with_reprojected(
-    surfaces: Surfaces, colour: LinearRGB, far: LinearRGB, known: Mask, options: MattingOptions
-) -> Surfaces:
+def with_reprojected(surfaces: Surfaces, colour: LinearRGB, far: LinearRGB, known: Mask) -> Surfaces:
     """Surfaces beside n pixels, with the far one's own colours (n, 3) where they are known (n,), and explain
     the pixels' colours (n, 3) as well as those beside."""
 
@@ -110,7 +102,7 @@ def with_reprojected(
         alpha = np.clip(_on_line(colour, surfaces.near, far), 0, 1)[:, None]
         return np.asarray(((colour - alpha * surfaces.near - (1 - alpha) * far) ** 2).sum(axis=1))
 
-    known = known & (unexplained(far) <= unexplained(surfaces.far) + options.reprojected_residual**2)
+    known = known & (unexplained(far) <= unexplained(surfaces.far) + REPROJECTED_RESIDUAL**2)
     colours = np.where(known[:, None], far.astype(np.float64), surfaces.far)
     return replace(surfaces, far=colours, far_variance=np.where(known, 0, surfaces.far_variance))
 
@@ -121,9 +113,7 @@ def _on_line(colour: LinearRGB, near: Floats, far: Floats | LinearRGB) -> Floats
     return np.asarray(((colour - far) * line).sum(axis=1) / np.maximum((line**2).sum(axis=1), 1e-12))
 
 
-def matted(
-    colour: LinearRGB, surfaces: Surfaces, options: MattingOptions
-) -> tuple[Map, LinearRGB, LinearRGB]:
+def matted(colour: LinearRGB, surfaces: Surfaces) -> tuple[Map, LinearRGB, LinearRGB]:
     """Alpha (n,) of the near surface in n mixed pixels (n, 3), its premultiplied colour (n, 3), and the far
     surface's colour (n, 3).
 
@@ -135,8 +125,8 @@ def matted(
     length = ((surfaces.near - far) ** 2).sum(axis=1)
     alpha = _on_line(colour, surfaces.near, far)
     # Where the surfaces look alike, or each of many colours, the depth alone tells.
-    spread = options.variance_weight * (surfaces.near_variance + surfaces.far_variance)
-    trust = length / (length + options.least_contrast**2 + spread)
+    spread = VARIANCE_WEIGHT * (surfaces.near_variance + surfaces.far_variance)
+    trust = length / (length + LEAST_CONTRAST**2 + spread)
     alpha = np.clip(trust * alpha + (1 - trust) * surfaces.alpha, 0, 1) * surfaces.exists
     opaque = np.asarray(alpha, np.float32)
     return opaque, *parted(colour, opaque, far)
