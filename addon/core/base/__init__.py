@@ -1,1 +1,1 @@
-"""What every room stands on: errors, progress and cancelling, files that are whole, locks."""
+"""Shared foundations: errors, progress and cancelling, atomic files, locks and processes."""

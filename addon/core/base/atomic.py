@@ -1,7 +1,7 @@
-"""Files that are whole or not there: written under a name of their own beside, and then moved into place.
+"""Atomic writing: files are written under a unique name beside their place, then moved into it.
 
-What is unfinished has a name that no two share and, beside it, a lock that ends with the process that writes
-it: so what a process left that was killed is known and collected, and what another machine works on is not.
+Each unfinished file has a lock beside it that ends with its process. So the files of killed processes can be
+collected, and files that another machine is writing are left alone.
 """
 
 from __future__ import annotations
@@ -21,23 +21,22 @@ from .file_lock import FileLock, is_abandoned
 from .processes import process_table
 
 PART = ".part-"
-"""Begins the name of an unfinished file, or folder, beside its place."""
+"""Prefix of an unfinished file or folder beside its place."""
 TEMPORARY = "virtual-aperture-"
-"""Begins the name of a folder in the system's folder for temporary files."""
+"""Prefix of a folder in the system's folder for temporary files."""
 LOCK = ".lock"
-"""Ends the name of the file that whoever has a name holds beside it."""
+"""Suffix of the lock file beside a name by `owned_name`."""
 _OWNED = re.compile(r"(?P<name>(?P<table>[0-9a-f]{12})-(?P<pid>\d+)-[0-9a-f]{8})(-.+|\.lock)?")
 
 
 def owned_name(prefix: str) -> str:
-    """A name that nobody else has, and that tells this process and its table."""
+    """Return a unique name that contains this process's number and its process table."""
     return f"{prefix}{process_table()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
 
 
 @contextmanager
 def owned(folder: Path, prefix: str) -> Iterator[str]:
-    """A name for something unfinished in a folder, to be followed by - and more if need be. While it lasts,
-    `collect_orphans` leaves it alone, whoever asks. Raises OSError where nothing can be written there."""
+    """Yield a unique prefix of an unfinished file's name, which `collect_orphans` spares; raises OSError."""
     name = owned_name(prefix)
     with FileLock(folder / f"{name}{LOCK}", UserError):
         yield name
@@ -45,10 +44,10 @@ def owned(folder: Path, prefix: str) -> Iterator[str]:
 
 @contextmanager
 def staged(path: Path) -> Iterator[Path]:
-    """A path beside `path` to write to; what lies there at the end is moved into place, durably.
+    """Yield a path beside `path` to write to, and move the file there into place at the end, durably.
 
-    Its name is this process's own, so that two that write the same file never share one. If anything is
-    raised within, or nothing was written, nothing is left. Raises UserError where the file cannot be written.
+    Each process has its own path. If an error is raised or nothing is written, no file is left. Raises
+    UserError if the file cannot be written.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -65,7 +64,7 @@ def staged(path: Path) -> Iterator[Path]:
 
 
 def publish(part: Path, path: Path) -> None:
-    """Move a file that was written into its place once it is on the disk. Raises OSError."""
+    """Move a written file into its place once it is on the disk; raises OSError."""
     sync(part)
     part.replace(path)
     if os.name == "posix":
@@ -77,20 +76,20 @@ def publish(part: Path, path: Path) -> None:
 
 
 def sync(path: Path) -> None:
-    """Return when a file's contents are on the disk. Raises OSError."""
+    """Return once the contents of a file are on the disk; raises OSError."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a small file, whole or not at all. Raises UserError."""
+    """Write a small file atomically; raises UserError."""
     with staged(path) as part:
         part.write_bytes(data)
 
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """A folder for temporary files, gone at the end; a killed process's by `collect_temporary`."""
+    """Yield a folder for temporary files, removed at the end (after a crash: by `collect_temporary`)."""
     temporary = place_of_temporary()
     with owned(temporary, TEMPORARY) as name:
         folder = temporary / name
@@ -102,12 +101,12 @@ def temporary_folder() -> Iterator[Path]:
 
 
 def collect_temporary() -> list[Path]:
-    """Remove the temporary folders that dead processes of ours left; which ones."""
+    """Remove the temporary folders of our dead processes, and return them."""
     return collect_orphans(place_of_temporary(), TEMPORARY)
 
 
 def place_of_temporary() -> Path:
-    """The folder that holds temporary ones; UserError where none can be written."""
+    """Return the folder that holds temporary folders; raises UserError if none can be written."""
     try:
         return Path(tempfile.gettempdir())
     except OSError:
@@ -117,7 +116,7 @@ def place_of_temporary() -> Path:
 
 
 def collect_orphans(folder: Path, prefix: str = PART) -> list[Path]:
-    """Remove the unfinished files and folders that dead processes left in a folder; which ones."""
+    """Remove the unfinished files and folders of dead processes in a folder, and return them."""
     removed = []
     for path in orphans(folder, prefix):
         with contextlib.suppress(OSError):
@@ -130,10 +129,10 @@ def collect_orphans(folder: Path, prefix: str = PART) -> list[Path]:
 
 
 def orphans(folder: Path, prefix: str, lock: Path | None = None) -> list[Path]:
-    """What dead processes left in a folder under names by `owned_name`, the locks beside them last; none
-    where it cannot be listed, or where it is not known whether they are dead.
+    """List the files in a folder, named by `owned_name`, whose processes are dead; their locks come last.
 
-    `lock` is the file that they held instead of those beside.
+    Processes that may be alive are skipped, and so is a folder that cannot be read. `lock` is the file that
+    the processes held instead of the locks beside the files.
     """
     found = []
     with contextlib.suppress(OSError):

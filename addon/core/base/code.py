@@ -1,4 +1,4 @@
-"""Digest of the add-on's own code: what other code made is recognised and made anew."""
+"""Digest of the add-on's own code, which identifies the version that made a result."""
 
 from __future__ import annotations
 
@@ -11,14 +11,7 @@ ADDON = Path(__file__).resolve().parents[2]
 
 @cache
 def code_digest(*rooms: str) -> str:
-    """Digest the code of some folders of the add-on.
-
-    Args:
-        rooms: names of folders in `addon`, such as "core".
-
-    Returns:
-        16 hexadecimal digits of the names and bytes of all modules in them.
-    """
+    """Digest all modules in some folders of `addon`, such as "core", to 16 hexadecimal digits."""
     digest = hashlib.sha256()
     for room in rooms:
         for path in sorted((ADDON / room).rglob("*.py")):

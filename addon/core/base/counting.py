@@ -1,4 +1,4 @@
-"""Counts in messages."""
+"""Numbers and their nouns in messages."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from itertools import pairwise
 
 
 def counted(count: int, singular: str, plural: str = "") -> str:
-    """`count` and its noun: "1 vertex", "2 vertices"; without a plural the singular gets an s."""
+    """Format a count and its noun: "1 vertex", "2 vertices". The default plural appends an s."""
     return f"{count} {singular if count == 1 else plural or f'{singular}s'}"
 
 
 def ordinal(number: int) -> str:
-    """A whole number above 0 as an ordinal: "1st", "12th"."""
+    """Format a whole number above 0 as an ordinal: "1st", "12th"."""
     teens = 10 < number % 100 < 20
     return f"{number}{'th' if teens else {1: 'st', 2: 'nd', 3: 'rd'}.get(number % 10, 'th')}"
 
 
 def common_step(frames: Sequence[int]) -> int:
-    """The step between increasing frames, at least three, that is the same for all; 0 where there is none."""
+    """Return the constant step of at least three increasing frames; 0 if the steps differ."""
     steps = {after - before for before, after in pairwise(frames)}
     return steps.pop() if len(frames) > 2 and len(steps) == 1 else 0
 
 
 def ranges(frames: list[int]) -> str:
-    """1, 2, 3, 7 -> "1-3, 7"."""
+    """Format increasing frames as ranges: [1, 2, 3, 7] becomes "1-3, 7"."""
     spans: list[list[int]] = []
     for frame in frames:
         if spans and frame == spans[-1][1] + 1:

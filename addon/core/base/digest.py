@@ -1,9 +1,8 @@
 """Digests of files by all of their bytes, remembered while the system reports the files unchanged.
 
-SHA-256 reads 1.3 GiB a second where the processor has instructions for it, as those since 2019 have. So a
-digest is remembered with each file's path, size, inode, and times of modification and change in ns; for large
-files on disk, too, for the next process. The time of change, which nobody can set, shows a change whose time
-of modification was put back. Windows has none.
+SHA-256 reads 1.3 GiB/s on processors with instructions for it (since 2019). A digest is remembered by path,
+size, inode, and times of modification and change in ns; for large files also on disk, for other processes.
+The time of change, which no program can set, reveals a modification time that was put back. Windows has none.
 """
 
 from __future__ import annotations
@@ -23,46 +22,44 @@ from .progress import checkpoint
 from .regular_file import open_regular, read_regular, regular_stat
 
 LARGE = 64 << 20
-"""Bytes of files together from which on they are not read at a glance, and their digest is kept on disk: a
-tenth of a second's reading."""
+"""Bytes. Larger files are not read in a panel, and their digest is kept on disk. Read in 0.1 s."""
 SETTLED = 3.0
-"""Seconds since a file was changed after which a further change has another time. FAT counts
-in steps of two."""
+"""Seconds since a change after which another change has another time. FAT counts in steps of 2 s."""
 MOST_KEPT = 1000
 """Digests kept on disk, 130 bytes each; the oldest are dropped first."""
 
 _known: dict[str, str] = {}
-"""Digests by `Files._key`: an unchanged file is not read again in the same process."""
+"""Digests by `Files._key`, for this process."""
 
 
 def file_digest(path: Path) -> str:
-    """64 hexadecimal digits of all bytes of a file. UserError where it is none, or cannot be read."""
+    """Return 64 hexadecimal digits of all bytes of a file; raises UserError if it cannot be read."""
     return Files([path], named=False).digest()
 
 
 class Files:
-    """One file, or the pictures of a sequence, in the state that the system reports now."""
+    """One file, or the pictures of a sequence, as reported now; raises UserError if one is missing."""
 
     def __init__(self, paths: Sequence[Path], named: bool) -> None:
-        """With `named` the digest covers the names of the files, too. UserError where one is missing."""
+        """With `named`, the digest covers the names of the files, too."""
         self._paths, self._named = paths, named
         self._states = [_stat(path) for path in paths]
         self.size = sum(state.st_size for state in self._states)
 
     @property
     def is_large(self) -> bool:
-        """Whether reading all takes too long for a panel."""
+        """Return whether reading all files takes too long for a panel."""
         return self.size > LARGE
 
     def known_digest(self) -> str | None:
-        """`digest`, where it is remembered; else None."""
+        """Return the remembered digest, or None."""
         key = self._key()
         if key not in _known and self.is_large and key in (kept := _kept()):
             _known[key] = kept[key]
         return _known.get(key)
 
     def digest(self) -> str:
-        """64 hexadecimal digits of all bytes, in the order given. UserError where one cannot be read."""
+        """Return 64 hexadecimal digits of all bytes in order; raises UserError if one cannot be read."""
         if (known := self.known_digest()) is not None:
             return known
         key, began = self._key(), time.time()
@@ -85,7 +82,7 @@ class Files:
         return digest.hexdigest()
 
     def _key(self) -> str:
-        """32 hexadecimal digits of what the system reports: others once a file is changed."""
+        """Return 32 hexadecimal digits of the reported state, which differ once a file is changed."""
         parts = [str(self._named)]
         for path, state in zip(self._paths, self._states, strict=True):
             times = state.st_mtime_ns, state.st_ctime_ns
@@ -101,11 +98,10 @@ def _stat(path: Path) -> os.stat_result:
 
 
 def _digest(path: Path) -> str:
-    """64 hexadecimal digits of the size and all bytes of a file."""
     with open_regular(path) as file:
         left = os.fstat(file.fileno()).st_size
         digest = hashlib.sha256(str(left).encode())
-        # No more than it had: what grows, or has no size, such as the system's own, would never end.
+        # No more bytes than the reported size: growing files and the system's own files would never end.
         while left > 0 and (piece := file.read(min(left, 1 << 20))):
             digest.update(piece)
             left -= len(piece)
@@ -114,7 +110,7 @@ def _digest(path: Path) -> str:
 
 
 def _store() -> Path:
-    """The file of the digests that are kept, in the user's folder for what can be made again."""
+    """Return the file of kept digests, in the user's cache folder."""
     if sys.platform == "win32":
         caches = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     elif sys.platform == "darwin":
@@ -125,17 +121,17 @@ def _store() -> Path:
 
 
 def _kept() -> dict[str, str]:
-    """Digests by `Files._key` that processes kept, the oldest first; none where that cannot be read."""
+    """Read the kept digests by `Files._key`, the oldest first; none if the file cannot be read."""
     try:
         kept = json.loads(read_regular(_store(), 1 << 20))
-    except (OSError, ValueError, RecursionError, RuntimeError):  # RuntimeError: there is no home
+    except (OSError, ValueError, RecursionError, RuntimeError):  # RuntimeError: no home folder
         return {}
     return kept if isinstance(kept, dict) and all(isinstance(one, str) for one in kept.values()) else {}
 
 
 def _keep(key: str, digest: str) -> None:
-    """Keep a digest for other processes. Where that cannot be written the file is read again."""
-    # Of two that write at once one's may be lost, which costs as little.
+    """Keep a digest for other processes, if the cache folder can be written."""
+    # When two processes write at once, one digest may be lost; its file is then read again.
     kept = _kept() | {key: digest}
     last = dict(list(kept.items())[-MOST_KEPT:])
     with contextlib.suppress(UserError, RuntimeError):

@@ -1,4 +1,4 @@
-"""The one error type that crosses the wall towards the user."""
+"""The error type for problems that the user can solve."""
 
 from __future__ import annotations
 
@@ -7,40 +7,34 @@ from enum import StrEnum
 
 
 class Remedy(StrEnum):
-    """What the user can set to go on; each interface has its own name for where that is done."""
+    """A setting that solves a problem; each interface has its own name for it."""
 
     FRAMES = "frames"
-    """Which frames of the clip are solved."""
     STEP = "step"
-    """Which frames of the clip are solved, where they are every second one or fewer."""
+    """The step between solved frames."""
     WORK_DIR = "work_dir"
-    """The working folder."""
     SOLVE = "solve"
-    """Solving the clip."""
     AGAIN = "again"
-    """Solving, or importing, in place of what the working folder holds."""
+    """Solving or importing again, in place of the working folder's contents."""
     FOCAL = "focal"
-    """What is known of the focal length."""
+    """The known focal length."""
     OVERWRITE = "overwrite"
-    """Writing over output that exists."""
     DEPTH_MAPS = "depth_maps"
-    """Depth maps of the clip, from elsewhere."""
     STILLS = "stills"
-    """Solving pictures as photos in no order."""
+    """Solving pictures as unordered photos."""
     KEPT_DEPTH = "kept_depth"
-    """How much depth of a clip is kept."""
+    """The amount of depth kept for a clip."""
 
 
 Words = Mapping[Remedy, str]
-"""An interface's names for the remedies; it may lack those that it does not have."""
+"""An interface's names for the remedies; it may lack some."""
 
 
 class UserError(Exception):
-    """Something the user can act on, in one line: what is wrong, where, and what to do.
+    """A problem that the user can solve, in one line: the problem, its place and the solution.
 
-    The command line prints the message and ends with a non-zero status; operators report it. The message
-    names no interface's controls: `remedies` tell which ones help.
-    Everything else that escapes is a bug and keeps its traceback.
+    The command line prints the message and exits with a non-zero status; operators report it. The message
+    names no controls of an interface: `remedies` lists those that help. Any other exception is a bug.
     """
 
     def __init__(self, message: str, *remedies: Remedy) -> None:
@@ -48,11 +42,11 @@ class UserError(Exception):
         self.remedies = remedies
 
     def worded(self, words: Words) -> str:
-        """The message with an interface's names for the remedies."""
+        """Return the message with an interface's names for the remedies."""
         return with_words(str(self), self.remedies, words)
 
 
 def with_words(text: str, remedies: Iterable[Remedy], words: Words) -> str:
-    """A text and, in brackets, an interface's names for what helps."""
+    """Append an interface's names for the remedies to a text, in brackets."""
     names = [words[remedy] for remedy in remedies if remedy in words]
     return f"{text} ({', '.join(names)})" if names else text

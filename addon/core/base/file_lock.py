@@ -1,4 +1,4 @@
-"""Files that a process holds while it lives, by a lock of the operating system's that ends with it."""
+"""Lock files that a process holds while it lives, by a lock of the operating system that ends with it."""
 
 from __future__ import annotations
 
@@ -18,37 +18,41 @@ from .processes import is_gone, process_table
 from .regular_file import is_regular, read_regular
 
 HELD = {errno.EACCES, errno.EAGAIN, errno.EDEADLK}
-"""What the systems say of a lock that somebody else has."""
+"""Error numbers for a lock that another process holds."""
 NO_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
-"""What they say where a file system knows no locks."""
+"""Error numbers of a file system without locks."""
 LONGEST = 1 << 16
-"""Bytes of a lock's file at most: its owner takes a hundred."""
+"""Most bytes of a lock file; its owner takes a hundred."""
 FAR = 1 << 30
-"""Byte that Windows locks: past the text, which others could not read otherwise."""
+"""Byte that Windows locks: beyond the text, which other processes could not read otherwise."""
 PATIENCE, PAUSE = 0.2, 0.01
-"""Seconds for which a lock is tried, and between two tries: `is_abandoned` holds one for less than that."""
+"""Seconds for which a lock is tried, and between tries; `is_abandoned` holds a lock for less than the first.
+"""
 
 
 class FileLock:
-    """Holds a file until `release`, or to the end of a `with`; the file is there only meanwhile.
+    """Holds a lock on a file until `release` or the end of a `with`; the file exists only in that time.
 
-    The lock is the operating system's, on the file, so it ends with its process: none is ever left over,
-    whatever file is. A file system that knows no locks is used without.
+    The lock ends with its process, even if the file is left. On a file system without locks, none is used.
+
+    Args:
+        path: The lock file; OSError is raised if it cannot be made.
+        refused: Makes the error from the lock's owner, such as " by process 4".
+        patience: Seconds to wait for another owner.
     """
 
     def __init__(self, path: Path, refused: Callable[[str], UserError], patience: float = PATIENCE) -> None:
-        """`refused` makes the error for who has it, as " by process 4", for so many seconds; OSError where
-        none can be made."""
         self._path = path
         self._file: int | None = None
         self.is_locked = False
-        """Whether the system keeps others out."""
+        """True if the system excludes other processes."""
         until = time.monotonic() + patience
         while self._file is None:
             file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
             try:
                 _lock(file)
-                # Between opening and locking its owner may have removed it: then it is nobody's lock.
+                # The file may be removed by its owner between opening and locking: then the lock is
+                # worthless.
                 if _is_same(file, self._path):
                     self._file, self.is_locked = file, True
             except OSError as error:
@@ -63,7 +67,7 @@ class FileLock:
             finally:
                 if self._file is None:
                     os.close(file)
-        # It only says who has it: a full disk is no reason to fail here.
+        # The owner is only for messages: a full disk is no reason to fail here.
         with contextlib.suppress(OSError):
             _write_owner(self._file)
 
@@ -76,16 +80,16 @@ class FileLock:
         self.release()
 
     def release(self) -> None:
-        """Let others have it; harmless when done before."""
+        """Release the lock; harmless if it is released already."""
         if self._file is None:
             return
         file, self._file = self._file, None
         if sys.platform == "win32":
-            # An open file cannot be removed there, neither by us nor while the next owner has it.
+            # Windows cannot remove an open file, neither ours nor the next owner's.
             os.close(file)
             self._remove()
         else:
-            # While it is locked, so that the file that is removed is ours.
+            # Removed while locked, so that the removed file is ours.
             self._remove()
             os.close(file)
 
@@ -95,8 +99,7 @@ class FileLock:
 
 
 def is_abandoned(lock: Path, table: str, pid: int) -> bool:
-    """Whether whoever had a lock file has ended for certain: nobody has the lock. Where that is not known,
-    whether the process of that number, in a table by `process_table`, is gone."""
+    """Return whether a lock's owner has certainly ended; for unknown locks, process `pid` of `table`."""
     try:
         file = os.open(lock, os.O_RDWR) if is_regular(lock) else None
     except OSError:
@@ -113,11 +116,11 @@ def is_abandoned(lock: Path, table: str, pid: int) -> bool:
 
 
 def owner_of(lock: Path) -> dict[str, object]:
-    """What a lock file says of who has it, or had it; empty where it says nothing that can be read."""
+    """Read the owner that a lock file names; empty if it cannot be read."""
     try:
         return dict(json.loads(read_regular(lock, LONGEST)))
     except (OSError, ValueError, TypeError):
-        # It was just let go, or is just being written.
+        # It was just released, or is being written.
         return {}
 
 

@@ -1,4 +1,4 @@
-"""Names of files and folders that every library of ours can take."""
+"""Checks of the names of files and folders."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .errors import UserError
 
 
 def checked_name(path: Path) -> Path:
-    """The path itself; UserError where it is not UTF-8, which Blender and OpenCV cannot open."""
+    """Return the path; raises UserError if it is not UTF-8, which Blender and OpenCV need."""
     name = os.fsencode(path)
     try:
         name.decode()
@@ -21,12 +21,12 @@ def checked_name(path: Path) -> Path:
 
 
 def check_file(path: Path) -> None:
-    """UserError for a place where something lies that is no file, and so cannot be replaced by one."""
+    """Raise UserError if the path exists and is not a file, so that a file cannot replace it."""
     if os.path.lexists(path) and not path.is_file():
         what = "a broken link" if leads_nowhere(path) else "a folder" if path.is_dir() else "not a file"
         raise UserError(f"{path} is {what}; choose another file")
 
 
 def leads_nowhere(path: Path) -> bool:
-    """Whether a path is a link to what is not there, or to itself."""
+    """Return whether a path is a broken link or a link to itself."""
     return path.is_symlink() and not path.exists()

@@ -1,4 +1,4 @@
-"""One solve at a time in a working folder, and one run at a time a movie, whichever process asks."""
+"""Locks against two solves in one working folder, or two runs for one movie."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from .file_lock import FileLock, is_abandoned, owner_of
 
 NAME = ".solving.lock"
 OUTPUT = ".virtual-aperture-"
-"""Begins the name of an output's lock, which ends in .lock."""
+"""Prefix of an output's lock, which ends in .lock."""
 
 
 class FolderLock(FileLock):
-    """Holds an existing folder for solving. UserError naming the owner where it is held already."""
+    """Holds an existing folder for solving; raises UserError with the owner's name if it is held."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(
@@ -27,10 +27,7 @@ class FolderLock(FileLock):
 
 
 class OutputLock(FileLock):
-    """Holds a file that is being made, in a folder that is made if need be.
-
-    UserError naming the owner where it is held already, or where its folder cannot be written.
-    """
+    """Holds an output file and makes its folder; raises UserError if it is held or cannot be written."""
 
     def __init__(self, out: Path) -> None:
         try:
@@ -47,7 +44,7 @@ class OutputLock(FileLock):
 
 
 def collect_locks(folder: Path) -> None:
-    """Remove the files of the output locks whose owners have ended."""
+    """Remove the output locks whose owners have ended."""
     for path in folder.glob(f"{OUTPUT}*.lock"):
         owner = owner_of(path)
         pid = owner.get("pid")

@@ -1,4 +1,4 @@
-"""OpenCV's fast global smoother, the same to the bit with any number of threads."""
+"""OpenCV's fast global smoother with results that do not depend on the number of threads."""
 
 from __future__ import annotations
 
@@ -10,16 +10,15 @@ import numpy as np
 from .arrays import Bytes, Map
 
 _LOCK = threading.Lock()
-"""OpenCV has one number of threads for the whole process."""
+"""Guards OpenCV's number of threads, which is global."""
 
 
 def globally_smoothed(guide: Bytes, values: Map, reach: float, sigma: float) -> Map:
-    """(h, w) values (h, w) smooth where a guide (h, w) or (h, w, 3) is; `reach` is lambda, `sigma` grey
-    levels at which smoothing stops.
+    """Smooth values (h, w) where a guide (h, w) or (h, w, 3) is smooth.
 
-    Min et al., "Fast global image smoothing based on weighted least squares", 2014. With several threads each
-    takes a stripe, whose last columns are rounded otherwise: processes with other numbers of them found other
-    depths.
+    Min et al., "Fast global image smoothing based on weighted least squares", 2014, with lambda `reach` and
+    `sigma` in grey levels. One thread: others round the last columns of their stripes differently, which
+    changed the depth.
     """
     values = np.ascontiguousarray(values, np.float32)
     with _LOCK:

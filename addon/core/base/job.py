@@ -1,4 +1,4 @@
-"""Work of another process, which reports as it goes and ends with the process that started it."""
+"""Child processes that report progress and end with their parent."""
 
 from __future__ import annotations
 
@@ -17,33 +17,29 @@ from .messages import PATIENCE, Failure, Message, Progress, Result, Warned, deco
 from .time_left import TimeLeft
 
 REMEMBERED = 20
-"""Last lines of standard error, in which a process that died says why."""
+"""Last lines of standard error that are kept, to explain the end of a process."""
 
 ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
-"""Environment of our processes; the user's own variables take precedence, and Blender's own process keeps
-its environment. Our matrices are small, and threads of OpenBLAS or Accelerate wait for each other: on an idle
-machine with two cores, a solve of 87 frames at 368x480 takes 24.3 and 23.8 instead of 31.9 and 29.6 CPU s
-(two runs each), and 22.9 and 22.5 instead of 24.2 and 22.6 s of wall time."""
+"""Environment of our processes; the user's variables take precedence. Threads of OpenBLAS and Accelerate wait
+for each other on small matrices. A solve of 87 frames at 368x480 on two idle cores takes 24.3 and 23.8
+instead of 31.9 and 29.6 CPU s (two runs each), and 22.9 and 22.5 instead of 24.2 and 22.6 s of wall time."""
 
 
 class Job:
-    """Work of a process that speaks as `messages.speak` has it, as of the last `poll`.
-
-    Where its parent is killed the process ends by itself.
-    """
+    """A process that reports by `messages.speak`, as of the last `poll`; it ends with its parent."""
 
     def __init__(self, program: str = "process") -> None:
-        """Errors call the process `program`."""
+        """Set the process's name in errors."""
         self.done, self.total = 0, 0
-        """Steps of the present stage; 0 until the process has reported them."""
+        """Steps of the present stage; 0 before the first report."""
         self.stage = ""
         self.share = 0.0
-        """Of the whole work, in [0, 1]."""
+        """Finished share of the whole work in [0, 1]."""
         self.left: float | None = None
-        """Seconds that it will still take; None while they cannot be estimated."""
+        """Estimated seconds left, or None."""
         self.warnings: list[str] = []
         self.failure: Failure | None = None
-        """Why the work was not done."""
+        """The reason why the work was not done."""
         self.is_running = self.is_cancelled = False
         self.process: subprocess.Popen[str] | None = None
         self._program = program
@@ -57,13 +53,13 @@ class Job:
     def start(
         self, command: Sequence[str], yielding: bool = False, environment: Mapping[str, str] = os.environ
     ) -> None:
-        """Start the process; with `yielding` other programs go first. UserError where that cannot be."""
+        """Start the process, with lower priority if `yielding`; raises UserError if it cannot start."""
         try:
             process = self.process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                 encoding="utf-8", errors="replace",
                 env={**ONE_BLAS_THREAD, **environment, "PYTHONUNBUFFERED": "1"},
-                # Ctrl-C is for whoever started it, who ends it.
+                # Ctrl-C is for the parent, which ends the process.
                 start_new_session=True,
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)
                 | (priority.CREATION_FLAGS if yielding else 0),
@@ -80,7 +76,7 @@ class Job:
 
     def _listen(self, process: subprocess.Popen[str], complaining: threading.Thread) -> None:
         assert process.stdout is not None
-        # Windows cannot wait on a pipe with a timeout; a thread that only reads lines can.
+        # Windows cannot wait for a pipe with a timeout; a thread that reads lines can.
         with process.stdout as lines:
             for line in lines:
                 if (message := decode(line)) is not None:
@@ -95,8 +91,7 @@ class Job:
                 self._complaints.append(line.strip())
 
     def poll(self) -> list[Message]:
-        """Take in what the process has reported since the last call, and return it; `is_running` is no longer
-        so once it has ended."""
+        """Process the reports since the last call and return them; updates `is_running`."""
         heard = []
         while self.is_running:
             try:
@@ -119,26 +114,24 @@ class Job:
         self.share = message.done / max(message.total, 1) if message.share is None else message.share
         now = time.monotonic()
         if self._time_left is None:
-            # The first report is no measure of the pace: an earlier run did that part, or the first frame
+            # The first report does not measure the pace: an earlier run did that part, or the first frame
             # found depth for its neighbours, too.
             self._first, self._time_left = self.share, TimeLeft(now)
         self.left = self._time_left.at(now, (self.share - self._first) / max(1 - self._first, 1e-9))
 
     def wait(self, seconds: float) -> None:
-        """Return when all was said, or after so many seconds."""
+        """Wait for the end of all reports, at most `seconds`."""
         if self._listening is not None:
             self._listening.join(seconds)
 
     def leave(self, then: Callable[[], object] | None = None) -> None:
-        """End the process, without waiting for that, and call `then` in a thread once it has ended. Harmless
-        where it is not running."""
+        """End the process in the background, then call `then` in a thread; harmless if it is not running."""
         if self.is_running:
             self.is_running, self.is_cancelled = False, True
             end_meanwhile([self], then)
 
     def _why(self) -> Failure | None:
-        """What the process, which has ended, said of its failure, or what ended it; None where its work is
-        done."""
+        """Return the failure of a process that has ended, or None if its work is done."""
         assert self.process is not None
         status = self.process.wait()
         if isinstance(self._last, Result):
@@ -152,7 +145,7 @@ class Job:
 
 
 def end(jobs: Sequence[Job], patience: float = PATIENCE) -> None:
-    """End processes, at first politely, for so many seconds; harmless for those that have ended."""
+    """Terminate processes, and kill those that live after `patience` seconds."""
     alive = [job.process for job in jobs if job.process is not None and job.process.poll() is None]
     for process in alive:
         process.terminate()
@@ -165,8 +158,7 @@ def end(jobs: Sequence[Job], patience: float = PATIENCE) -> None:
 
 
 def end_meanwhile(jobs: Sequence[Job], then: Callable[[], object] | None) -> threading.Thread:
-    """`end` processes in a thread, which is returned, and call `then` there once they have ended. Blender's
-    own end waits for `then`."""
+    """Run `end` in a thread, which is returned, then call `then` there; Blender's exit waits for `then`."""
 
     def leave() -> None:
         end(jobs)

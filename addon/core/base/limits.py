@@ -1,7 +1,4 @@
-"""What the user lets the add-on take: threads, and room for kept depth.
-
-They are in the environment, from which the processes that are started have them, too.
-"""
+"""The user's limits: threads and bytes of kept depth. Child processes inherit them from the environment."""
 
 from __future__ import annotations
 
@@ -16,41 +13,40 @@ from .numbers import whole
 THREADS = "VIRTUAL_APERTURE_THREADS"
 KEPT_DEPTH = "VIRTUAL_APERTURE_KEPT_DEPTH"
 OPENCV_THREADS = "OPENCV_FOR_THREADS_NUM"
-"""OpenCV's own, which it reads when it is loaded."""
+"""OpenCV's own variable, read when it is loaded."""
 ONE_THREAD = {THREADS: "1", OPENCV_THREADS: "1", "LP_NUM_THREADS": "0"}
-"""The environment of processes that share a machine's processors: two threads within a frame take a sixth
-more processor time and gain a twentieth of the time. The last is Mesa's software renderer's, which draws in
-a thread beside the caller's with 1: with 0 it takes 4 % less processor time and 50 MB less."""
+"""Environment of processes that share the processors: two threads within a frame take a sixth more processor
+time and save a twentieth of the time. With 0, Mesa's software renderer draws in the caller's thread: 4 % less
+processor time and 50 MB less."""
 MOST_KEPT_DEPTH = 8 << 30
-"""Bytes, where nothing else is said: about an hour of video at 640x360, twelve minutes of a phone's. Chosen
-by inspection."""
+"""Default bytes: about an hour of video at 640x360, or twelve minutes of a phone's. Chosen by inspection."""
 
 
 def threads() -> int:
-    """How many threads work side by side: as many as processors, or fewer where the user says so."""
+    """Return the number of parallel threads: that of processors, or fewer if the user has limited it."""
     processors = os.process_cpu_count() or 1
     return min(processors, chosen_threads() or processors)
 
 
 def chosen_threads() -> int:
-    """The most that the user lets work side by side; 0 where that is not said."""
+    """Return the user's limit of threads, or 0."""
     return _number(THREADS)
 
 
 def limit_threads(most: int) -> None:
-    """Have at most so many threads work side by side, from now on; 0 for as many as processors."""
+    """Limit the number of parallel threads; 0 removes the limit."""
     if not most and THREADS not in os.environ:
-        # What the user told OpenCV stays.
+        # The user's own setting for OpenCV stays.
         return
     _say(THREADS, most)
     _say(OPENCV_THREADS, most)
-    # A negative number stands for OpenCV's own choice.
+    # A negative number restores OpenCV's default.
     cv2.setNumThreads(threads() if most else -1)
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Have one thread at a time work within."""
+    """Use a single thread within the context."""
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     threads_before = cv2.getNumThreads()
     os.environ.update(ONE_THREAD)
@@ -66,17 +62,17 @@ def one_thread() -> Iterator[None]:
 
 
 def most_kept_depth() -> int:
-    """Bytes that the kept depth of a clip may take."""
+    """Return the most bytes of kept depth a clip."""
     return _number(KEPT_DEPTH) or MOST_KEPT_DEPTH
 
 
 def limit_kept_depth(most: int) -> None:
-    """Have the kept depth of a clip take at most so many bytes; 0 for the number where nothing is said."""
+    """Limit the bytes of kept depth a clip; 0 restores the default."""
     _say(KEPT_DEPTH, most)
 
 
 def _number(name: str) -> int:
-    """The number in a variable of the environment; 0 where there is none, or no number."""
+    """Read a number of the environment; 0 if it is missing or invalid."""
     text = os.environ.get(name, "")
     try:
         return max(whole(text), 0)

@@ -1,4 +1,4 @@
-"""What was made for frames lately, so that frames that follow each other need not make it again."""
+"""A cache of the values of recent frames."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from collections.abc import Callable, Hashable
 
 
 class LRUCache[V]:
-    """Values by frame, or another key; the least recently asked for are forgotten, the last one never.
+    """Values by frame or another key; drops the least recently used, but never the last.
 
-    Several threads may ask; two that ask for the same value at once may both make it.
+    Two threads that ask for a value at once may both make it. `limit` bounds the sum of the values' sizes.
     """
 
     def __init__(self, limit: int, size: Callable[[V], int] = lambda value: 1) -> None:
-        """At most `limit` of the sum of the values' sizes is kept."""
         self._limit, self._size = limit, size
         self._kept: OrderedDict[Hashable, V] = OrderedDict()
         self._lock = threading.Lock()
@@ -23,17 +22,17 @@ class LRUCache[V]:
         return key in self._kept
 
     def known(self, key: Hashable) -> V | None:
-        """A key's value, None where it is not kept."""
+        """Return the value of a key, or None."""
         with self._lock:
             return self._kept.get(key)
 
     def get(self, key: Hashable, make: Callable[[], V]) -> V:
-        """A key's value, made if need be."""
+        """Return the value of a key, made if necessary."""
         with self._lock:
             if key in self._kept:
                 self._kept.move_to_end(key)
                 return self._kept[key]
-        # Not in the lock: making may take seconds, and ask other caches.
+        # Outside the lock: making may take seconds, and use other caches.
         value = make()
         with self._lock:
             self._kept[key] = value

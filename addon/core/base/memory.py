@@ -1,4 +1,4 @@
-"""Memory: how much is free, whether it ran out, and what the C library keeps of it."""
+"""Free memory, memory errors, and the C library's reuse of memory."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from .errors import UserError
 MB = 2**20
 PROC, GROUPS = Path("/proc"), Path("/sys/fs/cgroup")
 KEPT = ((-3, 2**25), (-3, 2**30), (-1, -1))
-"""Options of glibc's `mallopt` and their values: M_MMAP_THRESHOLD in bytes, of which some versions take no
-more than the first, and M_TRIM_THRESHOLD, which is off."""
+"""Options of glibc's `mallopt` and their values in bytes: M_MMAP_THRESHOLD, which some versions limit to the
+first, and M_TRIM_THRESHOLD, which is off."""
 
 
 def keep_freed() -> None:
-    """Have the C library keep freed memory for what is allocated next.
+    """Make the C library reuse freed memory.
 
-    It returns large arrays to the system otherwise, which hands each new one out page by page: 0.64 to 0.67
-    of 8.4 to 8.6 CPU seconds of a frame at 1920x1080 whose depth is kept, instead of 0.12. Memory at the
-    peak grows by 2 % at most.
+    By default it returns large arrays to the system, which hands out new ones page by page: 0.64 to 0.67 of
+    8.4 to 8.6 CPU s of a frame at 1920x1080 with kept depth, instead of 0.12. Peak memory grows by 2 % at
+    most.
     """
     if sys.platform == "linux":
         libc = ctypes.CDLL(None)
@@ -35,7 +35,7 @@ def keep_freed() -> None:
 
 
 def is_shortage(error: BaseException) -> bool:
-    """Whether an exception reports that memory ran out, of Python, FFmpeg, OpenCV, the system or C++."""
+    """Return whether an exception of Python, FFmpeg, OpenCV, the system or C++ reports a lack of memory."""
     return (
         isinstance(error, MemoryError)
         or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
@@ -45,7 +45,7 @@ def is_shortage(error: BaseException) -> bool:
 
 
 def shortage(what: str) -> UserError:
-    """Make the error for the user where memory ran out: `what` could not be done."""
+    """Make the error for a task that ran out of memory."""
     return UserError(
         f"{what}: there is not enough memory; close other programs, raise this one's limit (ulimit -v, its"
         " container's), or make the picture smaller"
@@ -53,10 +53,7 @@ def shortage(what: str) -> UserError:
 
 
 def free(proc: Path = PROC, groups: Path = GROUPS) -> int:
-    """Bytes of memory that are free for more processes, on this machine and in its container.
-
-    Half of what the machine has where the system does not report what is free.
-    """
+    """Return the bytes of memory free on this machine and in its container; half of all if not reported."""
     return min([_machine_free(proc), *_container_free(proc, groups)])
 
 
@@ -66,7 +63,7 @@ def _machine_free(proc: Path) -> int:
             return 1024 * _number(proc / "meminfo", "MemAvailable:")
     if sys.platform == "win32":
         status = (ctypes.c_uint64 * 8)()
-        # MEMORYSTATUSEX: its own length in 32 bits, then the load, the whole and the free memory.
+        # MEMORYSTATUSEX: its size in 32 bits, then the load, total and free memory.
         ctypes.cast(status, ctypes.POINTER(ctypes.c_uint32))[0] = ctypes.sizeof(status)
         if ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status)):
             return int(status[2])
@@ -75,23 +72,23 @@ def _machine_free(proc: Path) -> int:
 
 
 def _container_free(proc: Path, groups: Path) -> Iterator[int]:
-    """Bytes that this process's control group (version 2), and each around it, may still be given."""
+    """Yield the bytes left to this process's control group (version 2) and to each around it."""
     try:
         path = (proc / "self" / "cgroup").read_text().partition("0::")[2].strip()
     except OSError:
         return
-    # Within a container its own group is the mount's top, whatever it is called outside.
+    # Within a container its own group is the top of the mount.
     own = groups / path.lstrip("/")
     for folder in (own, *own.parents):
         with contextlib.suppress(OSError, ValueError):  # no such group, or "max"
             limit, used = (int((folder / name).read_text()) for name in ("memory.max", "memory.current"))
-            # Files that are cached are dropped when memory is short.
+            # The system drops cached files when memory is short.
             cached = sum(_number(folder / "memory.stat", f"{kind}active_file") for kind in ("", "in"))
             yield max(limit - max(used - cached, 0), 0)
 
 
 def _number(path: Path, name: str) -> int:
-    """The number behind a name in one of the system's tables; ValueError where it has none."""
+    """Read the number after a name in a system table; raises ValueError if it is missing."""
     for line in path.read_text().splitlines():
         words = line.split()
         if words and words[0] == name:

@@ -1,4 +1,4 @@
-"""What a process of ours tells the one that started it: one message a line, as JSON, on its standard output.
+"""Messages from a child process to its parent: one a line, as JSON, on standard output.
 
 >>> decode(encode(Progress("depth", 3, 118)))
 Progress(stage='depth', done=3, total=118, frame=None, share=None)
@@ -22,28 +22,28 @@ from .errors import Remedy, UserError
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a stage of the work is."""
+    """The progress of a stage."""
 
     stage: str
     done: int
     total: int
     """Steps of the stage."""
     frame: int | None = None
-    """The number of the frame that is whole now, where each step is a frame."""
+    """Number of the finished frame, if each step is a frame."""
     share: float | None = None
-    """Of the whole work in [0, 1], where the stage is a part of it."""
+    """Finished share of the whole work in [0, 1], if the stage is a part of it."""
 
 
 @dataclass(frozen=True)
 class Warned:
-    """Something that the user should know of work that goes on."""
+    """A warning for the user; the work goes on."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What a stage of the work looks at, for who waits: a frame, and features that were found in it."""
+    """A frame and its features, shown to the user during the work."""
 
     picture: str
     """The frame, small, as JPEG in base 64."""
@@ -53,24 +53,24 @@ class Seen:
 
 @dataclass(frozen=True)
 class Result:
-    """All that was asked for is done: whole and in its place."""
+    """The work is done, and its files are complete and in place."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why the work was not done."""
+    """The reason why the work was not done."""
 
     text: str
     """One line for the user."""
     code: int = 1
-    """The exit status that goes with it."""
+    """Exit status."""
     remedies: tuple[Remedy, ...] = ()
     traceback: str = ""
-    """Of a bug; empty for what the user can act on."""
+    """Traceback of a bug; empty for a problem that the user can solve."""
 
     @property
     def error(self) -> UserError:
-        """The same as an error; a bug's traceback is its cause."""
+        """The failure as an error; a bug's traceback is its cause."""
         error = UserError(self.text, *self.remedies)
         error.__cause__ = RuntimeError(self.traceback) if self.traceback else None
         return error
@@ -84,12 +84,12 @@ _NAMES = {kind: name for name, kind in _KINDS.items()}
 
 
 def encode(message: Message) -> str:
-    """A message as a line of JSON, without the line's end."""
+    """Convert a message to a line of JSON, without the end of line."""
     return json.dumps({"message": _NAMES[type(message)], **asdict(message)})
 
 
 def decode(line: str) -> Message | None:
-    """The message of a line; None for a line that is none, such as what a library prints."""
+    """Read a message; None for another line, such as a library's output."""
     try:
         held = json.loads(line)
         kind = _KINDS[held.pop("message")]
@@ -101,26 +101,25 @@ def decode(line: str) -> Message | None:
 
 
 _parent: TextIO | None = None
-"""Where messages go; None in a process that people started."""
+"""Stream for messages; None in a process without a parent of ours."""
 
 
 PATIENCE = 10.0
-"""Seconds in which a process that was told to end must have ended; then it is killed."""
+"""Seconds after which a process that was asked to end is killed."""
 
 
 def end_itself() -> None:
-    """End this process, at first politely: code that is not Python's hears no signal while it works, such as
-    Cycles in a render."""
+    """End this process by SIGTERM, then SIGKILL: native code, such as a Cycles render, ignores signals."""
     os.kill(os.getpid(), signal.SIGTERM)
     time.sleep(PATIENCE)
     os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
 
 
 def speak(when_alone: Callable[[], object] = end_itself) -> None:
-    """From now on be the child of whoever started this process, as `Job` does.
+    """Become a child process of the kind that `Job` starts.
 
-    Standard output is for messages alone: what else is written to it goes nowhere. `when_alone` is called on
-    a thread when standard input closes, as it does when the parent has ended; by default the process ends.
+    Standard output is then for messages alone; other output is dropped. `when_alone` is called in a thread
+    when standard input closes, because the parent has ended; by default the process ends.
     """
     global _parent
     sys.stdout.flush()
@@ -138,7 +137,7 @@ def speak(when_alone: Callable[[], object] = end_itself) -> None:
 
 
 def send(message: Message) -> None:
-    """Tell the parent; nothing where people started this process, or the parent is gone."""
+    """Send a message to the parent, if there is one."""
     if _parent is not None:
         with contextlib.suppress(OSError):
             _parent.write(f"{encode(message)}\n")

@@ -1,4 +1,4 @@
-"""Filling unknown pixels from those around."""
+"""Filling of unknown pixels from known ones."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ from .arrays import Map, Mask
 
 
 def nearest[T: np.generic](values: NDArray[T], known: Mask) -> NDArray[T]:
-    """(H, W) or (H, W, c) values, those that are not known (H, W) replaced by those of the nearest pixel that
-    is (Euclidean distance); as they are where none or all are known."""
+    """Replace unknown values (H, W) or (H, W, c) by those of the nearest known pixel, if there is one."""
     if known.all() or not known.any():
         return values
     return of_nearest(values, known)[0]
 
 
 def of_nearest[T: np.generic](values: NDArray[T], seeds: Mask) -> tuple[NDArray[T], Map]:
-    """(H, W) or (H, W, c) values of the seed (H, W) nearest to each pixel, and the distance to it in pixels,
-    (H, W) float32. There must be a seed.
+    """Return the values (H, W) or (H, W, c) of the nearest seed, and its Euclidean distance (H, W) in pixels.
 
-    Borgefors, "Distance transformations in digital images", 1986, with OpenCV's mask of 5x5 pixels.
+    Borgefors, "Distance transformations in digital images", 1986, with OpenCV's mask of 5x5 pixels. `seeds`
+    (H, W) must not be empty.
     """
     distance, label = cv2.distanceTransformWithLabels(
         (~seeds).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL

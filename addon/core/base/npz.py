@@ -1,6 +1,6 @@
-"""Reading arrays from NumPy's .npz files of strangers: what they claim is compared with what they may be.
+"""Safe reading of NumPy's .npz files from other people.
 
-A compressed file of a few megabytes can unpack to terabytes, and an array of objects to any program.
+A small file can unpack to terabytes, and an array of objects can run any program: headers are checked first.
 """
 
 from __future__ import annotations
@@ -19,22 +19,28 @@ from .regular_file import open_regular
 
 PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 HEADER = 4096
-"""Bytes that an array's header takes at most."""
+"""Most bytes of an array's header."""
 
 _HEADER = re.compile(
     rb"\x93NUMPY\x01\x00(?s:..)\{'descr': '(?P<dtype>[<>|](b1|[iu][1248]|f[248]))',"
     rb" 'fortran_order': (?P<fortran>True|False),"
     rb" 'shape': \((?P<shape>(\d{1,18}(, \d{1,18}){0,7})?,?)\), \} *\n"
 )
-"""As NumPy writes it, version 1.0: its own reader takes other Python, too."""
+"""NumPy's format, version 1.0; NumPy's own reader evaluates other Python, too."""
 _DAMAGED = KeyError, EOFError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error
 
 
 def read_arrays(path: Path, names: tuple[str, ...], most: int) -> dict[str, NDArray[np.generic]]:
-    """The arrays of these names, which together have `most` bytes at most, before any is unpacked.
+    """Read named arrays.
 
-    OSError where there is no such file (`open_regular`), ValueError where it is damaged, lacks one, has
-    larger ones or objects.
+    Args:
+        path: An .npz file.
+        names: Names of the arrays.
+        most: Most bytes of all arrays together, checked before any is unpacked.
+
+    Raises:
+        OSError: There is no such file (`open_regular`).
+        ValueError: The file is damaged, or an array is missing, too large or holds objects.
     """
     with open_regular(path) as file:
         try:
@@ -44,17 +50,14 @@ def read_arrays(path: Path, names: tuple[str, ...], most: int) -> dict[str, NDAr
                     raise ValueError(f"{path.name} unpacks to more than {most} bytes")
                 if any(member.compress_type not in PACKED for member in members.values()):
                     raise ValueError(f"{path.name} is not packed the way NumPy does")
-                # No more than that is unpacked, whatever follows in the file.
+                # No more is unpacked, whatever follows in the file.
                 return {name: _array(archive.read(member)) for name, member in members.items()}
         except _DAMAGED as error:
             raise ValueError(f"{path.name} is not a file of {', '.join(names)}: {error}") from None
 
 
 def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
-    """The shapes of all arrays of numbers in a file by their names; nothing but their headers is unpacked.
-
-    OSError where there is no such file (`open_regular`), ValueError where it is no archive.
-    """
+    """Return the shapes of all arrays of numbers, from their headers; raises OSError or ValueError."""
     shapes = {}
     with open_regular(path) as file:
         try:
@@ -77,20 +80,16 @@ def _shape(header: re.Match[bytes]) -> tuple[int, ...]:
 
 
 class ArrayFile:
-    """The maps (h, w) of one array of an .npz, (h, w) or (n, h, w) but for axes of length 1, read one by one:
-    a clip's would take gigabytes."""
+    """Reads the maps (h, w) of an .npz array (h, w) or (n, h, w) one by one; axes of length 1 are dropped."""
 
     def __init__(self, path: Path, names: tuple[str, ...]) -> None:
-        """The array that has the first of `names` which is there.
-
-        OSError where there is no such file, ValueError where it has none of them, or not of numbers.
-        """
+        """Open the first array of `names` that the file has; raises OSError or ValueError."""
         self._path, self._lock = path, threading.Lock()
         try:
             self._archive = zipfile.ZipFile(open_regular(path))
             there = [name.removesuffix(".npy") for name in self._archive.namelist()]
             self.name = next((name for name in names if name in there), "")
-            """Of the array."""
+            """Name of the array."""
             if not self.name:
                 raise ValueError(f"it has no array {' or '.join(names)}, but {', '.join(there) or 'nothing'}")
             member = self._archive.getinfo(f"{self.name}.npy")
@@ -110,12 +109,12 @@ class ArrayFile:
         if member.file_size != self._begin + math.prod(shape) * self._dtype.itemsize:
             raise ValueError(f"its array {self.name} has another size than it says")
         self.count = sides[0] if len(sides) == 3 else 1
-        """Maps in the array."""
+        """Number of maps."""
         self.shape = sides[-2], sides[-1]
         """Rows and columns of a map."""
 
     def read(self, index: int) -> NDArray[np.generic]:
-        """(h, w) one of the maps, from 0; quick in the order of the file. ValueError where it is damaged."""
+        """Read a map (h, w) by its index; quick in the file's order. Raises ValueError if it is damaged."""
         size = self.shape[0] * self.shape[1] * self._dtype.itemsize
         with self._lock:
             try:
@@ -129,14 +128,14 @@ class ArrayFile:
 
 
 def _array(data: bytes) -> NDArray[np.generic]:
-    """An array of numbers of an .npy file's bytes; ValueError where it claims another size than it has."""
+    """Parse an .npy file of numbers; raises ValueError if its size differs from its header's."""
     header = _HEADER.match(data)
     if header is None:
         raise ValueError("it does not begin as an array of numbers does")
     dtype, is_fortran = np.dtype(header["dtype"].decode()), header["fortran"] == b"True"
     shape = _shape(header)
     left = data[header.end() :]
-    # In Python's own numbers, which do not overflow.
+    # Python's integers do not overflow.
     if math.prod(shape) * dtype.itemsize != len(left):
         raise ValueError("it has another size than it says")
     return np.frombuffer(left, dtype).reshape(shape, order="F" if is_fortran else "C")

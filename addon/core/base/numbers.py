@@ -1,7 +1,7 @@
-"""Numbers as people and other programs write them.
+"""Parsing of numbers from people and other programs.
 
-Python's own `int` and `float` read more: `nan`, `inf`, `1_000`, the digits of every script, and 1e400 as
-infinity. No other program writes those, and whoever typed one did not mean it.
+Python's own `int` and `float` accept more: `nan`, `inf`, `1_000`, digits of every script, and 1e400 as
+infinity.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST = 1e15
-"""No number is larger, in any unit: its fourth power is far from overflow, and it fits a 32-bit float."""
+"""Largest number in any unit: its fourth power does not overflow, and it fits a 32-bit float."""
 LARGEST_WHOLE = 2**31 - 1
-"""Of a whole number that Blender keeps."""
+"""Largest whole number that Blender stores."""
 _REAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 _WHOLE = re.compile(r"[+-]?\d{1,400}", re.ASCII)
 
 
 def real(text: str) -> float:
-    """A finite decimal number; ValueError for anything else."""
+    """Parse a finite decimal number; raises ValueError."""
     value = float(text) if _REAL.fullmatch(text) else math.inf
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is not a number")
@@ -30,25 +30,25 @@ def real(text: str) -> float:
 
 
 def whole(text: str) -> int:
-    """A whole decimal number of any size; ValueError for anything else."""
+    """Parse a whole decimal number of any size; raises ValueError."""
     if not _WHOLE.fullmatch(text):
         raise ValueError(f"{text!r} is not a whole number")
     return int(text)
 
 
 def reals(words: Sequence[bytes]) -> NDArray[np.float64]:
-    """(n,) of n words of a file, `nan` and infinities among them; ValueError where one is no number."""
+    """Parse n words of a file as (n,) numbers, including `nan` and infinity; raises ValueError."""
     _refuse_underscores(words)
     return np.fromiter(map(float, words), np.float64, len(words))
 
 
 def wholes(words: Sequence[bytes]) -> NDArray[np.int64]:
-    """(n,) of n words of a file; ValueError where one is no whole number, OverflowError beyond 63 bits."""
+    """Parse n words of a file as (n,) whole numbers; raises ValueError, or OverflowError beyond 63 bits."""
     _refuse_underscores(words)
     return np.fromiter(map(int, words), np.int64, len(words))
 
 
 def _refuse_underscores(words: Sequence[bytes]) -> None:
-    # Of bytes Python takes no digits but ASCII's, so this is all that is left to refuse.
+    # In bytes, Python accepts ASCII digits only, so that underscores alone remain.
     if b"_" in b" ".join(words):
         raise ValueError("a word has an underscore")

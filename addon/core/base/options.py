@@ -1,7 +1,7 @@
-"""Options of the user's, declared once: a field of a dataclass says all that interfaces must know of it.
+"""Options for the user, each declared once as a field of a dataclass.
 
-The Blender property, the option of the command line, a preset's key and the check of bounds are made from
-that field, so that a new option is one entry (and a row in a panel, if it is to have one):
+The Blender property, the option of the command line, the key of a preset and the check of bounds are made
+from the field. A new option is one field, and a row in a panel if it is shown:
 
 >>> @dataclass(frozen=True)
 ... class Sharpening:
@@ -22,61 +22,61 @@ import numpy as np
 from .errors import UserError
 
 KEY = "option"
-"""Of a field's metadata."""
+"""Key of an option in a field's metadata."""
 
 
 @dataclass(frozen=True)
 class Option:
-    """What interfaces must know of an option."""
+    """The description of an option for all interfaces."""
 
     label: str
-    """In the interface, in title case."""
+    """Title case."""
     help: str
-    """One or two sentences without the last full stop, for the interface and the command line."""
+    """One or two sentences without the last full stop."""
     default: Any
-    """Of the type that all its values have: bool, int, float or str."""
+    """bool, int, float or str, as all values of the option."""
     name: str = ""
-    """In .blend files and, with dashes, on the command line."""
+    """Name in .blend files and, with dashes, on the command line."""
     least: float = -np.inf
     most: float = np.inf
-    """Bounds; who is beyond is refused."""
+    """Bounds; values outside are rejected."""
     soft_least: float | None = None
     soft_most: float | None = None
-    """Bounds of what dragging a value reaches."""
+    """Bounds when dragging the value."""
     unit: str = "NONE"
     """Blender's subtype of the property: ANGLE is in radians, and in degrees on the command line."""
     precision: int = 3
-    """Digits after the point."""
+    """Digits after the decimal point."""
     choices: Mapping[str, Any] | None = None
-    """What can be chosen, by identifier; each has `number` (in .blend files) and `help`."""
+    """Choices by identifier; each has `number` (in .blend files) and `help`."""
     words: Mapping[str, Any] | None = None
-    """Values with a word of their own on the command line, such as {"auto": 0}."""
+    """Special values on the command line, such as {"auto": 0}."""
     metavar: str = ""
-    """Of its value on the command line."""
+    """Placeholder of the value on the command line."""
     can_be_keyed: bool = True
 
     @property
     def kind(self) -> type:
-        """bool, int, float or str."""
+        """Type of the values: bool, int, float or str."""
         return str if self.choices is not None else type(self.default)
 
     @property
     def initial(self) -> Any:
-        """The default as interfaces keep it: the identifier of a choice."""
+        """The default as interfaces store it: for choices, the identifier."""
         held = {} if self.choices is None else {value: key for key, value in self.choices.items()}
         return held.get(self.default, self.default)
 
     def chosen(self, value: Any) -> Any:
-        """What a value of an interface stands for: the choice, where choices are what the field holds."""
+        """Convert an interface's value to the field's value, which may be the choice itself."""
         return self.choices[value] if self.choices is not None and self.initial != self.default else value
 
     @property
     def phrase(self) -> str:
-        """Its label within a sentence."""
+        """The label within a sentence."""
         return " ".join(word if word.isupper() else word.lower() for word in self.label.split())
 
     def check(self, value: Any) -> None:
-        """UserError for a value that is beyond the bounds, no number, or none of the choices."""
+        """Raise UserError for a value outside the bounds, not a number, or not a choice."""
         if self.choices is not None and isinstance(value, str) and value not in self.choices:
             raise UserError(f"there is no {self.phrase} {value!r}; choose one of {', '.join(self.choices)}")
         if self.kind not in (int, float) or self.least <= value <= self.most:
@@ -93,16 +93,16 @@ class Option:
 
 
 def option(default: Any, label: str, text: str, **rest: Any) -> Any:
-    """A field of a dataclass that is an option; `rest` are further fields of `Option`."""
+    """Make a field of a dataclass that is an option; `rest` are further fields of `Option`."""
     return field(default=default, metadata={KEY: Option(label, text, default, **rest)})
 
 
 def options_of(group: type) -> dict[str, Option]:
-    """The options of a dataclass by the name of their field, in its order."""
+    """Return the options of a dataclass by field name, in its order."""
     return {each.name: each.metadata[KEY] for each in fields(group) if KEY in each.metadata}
 
 
 def check(group: Any) -> None:
-    """UserError for the first option of a dataclass's instance whose value is beyond its bounds."""
+    """Raise UserError for the first invalid option of a dataclass's instance."""
     for name, each in options_of(type(group)).items():
         each.check(getattr(group, name))

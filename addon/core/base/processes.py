@@ -1,4 +1,4 @@
-"""Which processes a number means: those of one start of one kernel, in one namespace."""
+"""Identification of processes: numbers are unique within one boot of a kernel and one namespace."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from pathlib import Path
 
 PROC = Path("/proc")
 UNKNOWN = "0" * 12
-"""Instead of a table's digits, where it cannot be told apart from others."""
+"""Digits for a table that cannot be identified."""
 
 
 @cache
 def process_table() -> str:
-    """12 hexadecimal digits of the table that this process's number is in, `UNKNOWN` where it has no name.
+    """Return 12 hexadecimal digits of this process's table, or `UNKNOWN`.
 
-    Containers, and machines that were copied, have host names in common; starts of a kernel (Linux's boot ID)
-    and process namespaces they have not. Other systems than Linux have neither for a process to ask.
+    Containers and copied machines share host names, but not boot IDs of Linux and process namespaces. Other
+    systems report neither.
     """
     if sys.platform != "linux":
         return UNKNOWN
@@ -33,7 +33,7 @@ def process_table() -> str:
 
 
 def is_gone(table: str, pid: int) -> bool:
-    """Whether a process has ended for certain: only one of this process's own table is known."""
+    """Return whether a process of this process's own table has certainly ended."""
     if UNKNOWN in (table, process_table()) or table != process_table():
         return False
     return pid != os.getpid() and not _is_alive(pid)
@@ -46,8 +46,7 @@ def _is_alive(pid: int) -> bool:
         return False
     except PermissionError:
         return True
-    # One that has ended, and that whoever started it has not waited for, still has its number. What is
-    # mounted may be the table of another namespace.
+    # A zombie still has its number. The mounted table may be another namespace's.
     with contextlib.suppress(OSError, IndexError):
         if (PROC / "self").readlink() == Path(str(os.getpid())):
             return (PROC / f"{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0] != "Z"

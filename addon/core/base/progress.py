@@ -1,8 +1,7 @@
-"""Progress and cancellation of long work: a cancel scope that computations pass checkpoints of.
+"""Progress and cancellation of long work by scopes (the pattern of Trio's cancel scopes).
 
-Whoever starts the work opens a scope with `reporting` and says what is to be done at a checkpoint; functions
-deep inside call `checkpoint` as they go and need not hand a callback through every signature (the pattern of
-Trio's cancel scopes). Without a scope a checkpoint does nothing.
+The caller opens a scope with `reporting`; functions deep inside call `checkpoint`, without a callback in
+every signature. Without a scope a checkpoint does nothing.
 """
 
 from __future__ import annotations
@@ -13,12 +12,12 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 
 OnProgress = Callable[[str, float], None]
-"""Called at every checkpoint, some hundred times a second, with the stage's name and the share of the whole
-work in [0, 1] that is done; raises `Cancelled` to end the work. May be called from several threads."""
+"""Called at every checkpoint, some hundred times a second, with the stage's name and the finished share of
+all work in [0, 1]. Raises `Cancelled` to end the work. Must be thread-safe."""
 
 
 class Cancelled(Exception):  # noqa: N818
-    """The user wants no more of the work that is under way."""
+    """The user has cancelled the work."""
 
 
 @dataclass(frozen=True)
@@ -34,14 +33,14 @@ _scope: ContextVar[_Scope | None] = ContextVar("progress", default=None)
 
 @contextmanager
 def reporting(on_progress: OnProgress) -> Iterator[None]:
-    """Open a scope: `on_progress` is called at every checkpoint within it."""
+    """Open a scope: `on_progress` is called at every checkpoint within."""
     with _entered(_Scope(on_progress)):
         yield
 
 
 @contextmanager
 def stage(name: str, low: float, high: float) -> Iterator[None]:
-    """Name the work within and the share [low, high] of the surrounding work that it is, in [0, 1]."""
+    """Name the work within, which is the share [low, high] of the surrounding work, in [0, 1]."""
     scope = _scope.get()
     with _entered(scope and _part(replace(scope, stage=name), low, high)):
         checkpoint()
@@ -49,8 +48,7 @@ def stage(name: str, low: float, high: float) -> Iterator[None]:
 
 
 def checkpoint(done: float = 0.0) -> None:
-    """Say that a share `done` in [0, 1] of the present stage is done; call it every tenth of a second or more
-    often. Raises Cancelled where the user wants no more."""
+    """Report that a share `done` in [0, 1] of the stage is finished, every 0.1 s; raises Cancelled."""
     scope = _scope.get()
     if scope is not None:
         scope.on_progress(scope.stage, scope.low + done * (scope.high - scope.low))
@@ -58,7 +56,7 @@ def checkpoint(done: float = 0.0) -> None:
 
 @contextmanager
 def part(number: int, count: int) -> Iterator[None]:
-    """The work within is the part `number`, from 0 on, of `count` equal ones of the present stage."""
+    """Open the scope of part `number`, from 0, of `count` equal parts of the stage."""
     scope = _scope.get()
     with _entered(scope and _part(scope, number / count, (number + 1) / count)):
         checkpoint()
@@ -66,7 +64,7 @@ def part(number: int, count: int) -> Iterator[None]:
 
 
 def in_this_scope[**P, R](function: Callable[P, R]) -> Callable[P, R]:
-    """The function, for another thread to call: checkpoints in it are those of the present scope."""
+    """Wrap a function for another thread, so that its checkpoints report to the present scope."""
     scope = _scope.get()
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -77,7 +75,6 @@ def in_this_scope[**P, R](function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _part(scope: _Scope, low: float, high: float) -> _Scope:
-    """The scope of the part [low, high] of a scope's work."""
     width = scope.high - scope.low
     return replace(scope, low=scope.low + low * width, high=scope.low + high * width)
 

@@ -1,7 +1,6 @@
-"""Reading files whose names come from users and strangers: only regular files, and no more than they hold.
+"""Reading of regular files whose names come from users.
 
-A pipe waits for whoever writes into it, a device such as /dev/zero never ends, and a count or a size within a
-file can be any number.
+Pipes wait for a writer, devices such as /dev/zero never end, and a size within a file can be any number.
 """
 
 from __future__ import annotations
@@ -20,17 +19,17 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)
 
 
 def regular_stat(path: Path) -> os.stat_result:
-    """What the system says of a regular file, without opening it; links are followed.
+    """Return the state of a regular file without opening it; follows links.
 
-    OSError where there is none, or where it is a folder, a pipe, a socket or a device: ask before another
-    library opens the path.
+    Call it before another library opens the path. Raises OSError for a missing file, folder, pipe, socket or
+    device.
     """
     return _checked(path.stat(), path)
 
 
 def open_regular(path: Path) -> BinaryIO:
-    """A regular file to read bytes from; OSError as `regular_stat`, at once even for a pipe."""
-    # Looked at before it is opened, as some devices act when they are, and again on what was opened.
+    """Open a regular file to read bytes; raises OSError like `regular_stat`, at once even for a pipe."""
+    # Checked before opening, because some devices act when opened, and again afterwards.
     regular_stat(path)
     file = os.open(path, _FLAGS)
     try:
@@ -42,10 +41,7 @@ def open_regular(path: Path) -> BinaryIO:
 
 
 def read_regular(path: Path, most: int | None = None) -> bytes:
-    """All bytes of a regular file, as many as it has when it is opened.
-
-    OSError as `regular_stat`, and before anything is read where they are more than `most`.
-    """
+    """Read all bytes of a regular file, as of its opening; raises OSError, also beyond `most` bytes."""
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
         if most is not None and size > most:
@@ -54,7 +50,7 @@ def read_regular(path: Path, most: int | None = None) -> bytes:
 
 
 def is_regular(path: Path) -> bool:
-    """Whether a path leads to a regular file; not where it cannot be looked at."""
+    """Return whether a path leads to a regular file that can be accessed."""
     try:
         regular_stat(path)
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""The same work on many things, by as many threads as the user allows."""
+"""Parallel work on many items."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from .progress import in_this_scope
 
 
 def side_by_side[T, R](work: Callable[[T], R], things: Iterable[T]) -> list[R]:
-    """What `work` returns of each thing, in their order. Checkpoints in it are those of the caller; the first
-    error ends it.
+    """Apply `work` to each item in threads, and return the results in order.
 
-    Where one thread is all there may be, that is the caller: handing a thing to another takes 0.1 ms.
+    Checkpoints report to the caller's scope; the first error ends the work. With one thread, the caller does
+    the work, as passing an item to a thread takes 0.1 ms.
 
     >>> side_by_side(abs, [-1, 2])
     [1, 2]

@@ -1,8 +1,7 @@
-"""Lines for whoever runs a command, who may have gone, or never listened.
+"""Output of commands, which continue when their reader is gone.
 
-What a command is for are the files it makes, so it goes on where its words are no longer wanted: a render
-whose lines went to `head -1`, or to a terminal that was closed, is finished. Where words cannot be kept for
-another reason, such as a full disk, the work goes on, too, and `check` then tells.
+A render whose lines went to `head -1` or to a closed terminal is finished. After other failures, such as a
+full disk, the work continues, too, and `check` reports them.
 """
 
 from __future__ import annotations
@@ -15,16 +14,16 @@ import sys
 from .errors import UserError
 
 GONE = {errno.EPIPE, errno.EIO, errno.EBADF}
-"""What the systems say where nobody listens: a pipe without a reader, a terminal that hung up, no stream."""
+"""Error numbers of a pipe without a reader, a terminal that hung up, and a missing stream."""
 
 _lost = ""
-"""Why lines could not be written, other than that nobody listens; empty where all were."""
+"""The first error in writing other than `GONE`, or empty."""
 
 
 def open_all() -> None:
-    """Give the process those of its three standard streams that it was started without (`>&-`).
+    """Open those of the three standard streams that the process was started without (`>&-`).
 
-    Files that are opened later would get their numbers, and what libraries print would be written into them.
+    Otherwise files opened later would get their numbers, and receive the output of libraries.
     """
     global _lost
     _lost = ""
@@ -32,7 +31,7 @@ def open_all() -> None:
         try:
             os.fstat(descriptor)
         except OSError:
-            # The lowest number that is free is this one.
+            # The lowest free number is this one.
             os.open(os.devnull, os.O_RDWR)
     if sys.stdout is None:
         sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
@@ -41,7 +40,7 @@ def open_all() -> None:
 
 
 def say(text: str) -> None:
-    """A line on standard output, at once."""
+    """Print a line on standard output at once."""
     try:
         print(text, flush=True)
     except OSError as error:
@@ -49,7 +48,7 @@ def say(text: str) -> None:
 
 
 def say_to(descriptor: int, text: str) -> None:
-    """A line to a file descriptor."""
+    """Write a line to a file descriptor."""
     try:
         os.write(descriptor, f"{text}\n".encode())
     except OSError as error:
@@ -57,7 +56,7 @@ def say_to(descriptor: int, text: str) -> None:
 
 
 def complain(text: str) -> None:
-    """An error on standard error, as one line whatever is in it."""
+    """Print an error on standard error, on one line."""
     try:
         print(f"error: {' '.join(text.split('\n'))}", file=sys.stderr, flush=True)
     except OSError as error:
@@ -65,14 +64,14 @@ def complain(text: str) -> None:
 
 
 def check() -> None:
-    """UserError where lines were lost to somebody who wanted them."""
+    """Raise UserError if lines were lost for a reason other than a missing reader."""
     flush()
     if _lost:
         raise UserError(f"standard output cannot be written: {_lost}; the command has done all else")
 
 
 def flush() -> None:
-    """Write what the streams still hold."""
+    """Flush both streams."""
     for descriptor, stream in ((1, sys.stdout), (2, sys.stderr)):
         try:
             stream.flush()
@@ -81,7 +80,7 @@ def flush() -> None:
 
 
 def _silence(descriptor: int, error: OSError) -> None:
-    """From now on, write what goes to a descriptor nowhere; what a stream still holds goes there, too."""
+    """Redirect a descriptor to the null device, with the stream's buffered text."""
     global _lost
     if error.errno not in GONE:
         _lost = _lost or str(error.strerror)

@@ -1,4 +1,4 @@
-"""What the libraries that come with the extension need of the operating system."""
+"""Requirements of the bundled libraries for the operating system."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ import platform
 from .errors import UserError
 
 MACOS = 14
-"""Oldest version for which PyAV and pycolmap are built, as the names of their wheels say. Blender runs on
-older ones, and installs a wheel without looking at it."""
+"""Oldest macOS for which PyAV and pycolmap have wheels. Blender runs on older ones, and installs a wheel
+without a check."""
 
 
 def check_system(macos: str | None = None) -> None:
-    """UserError where the system is too old. `macos` is its release, such as 14.5, empty for other systems;
-    by default this one's."""
+    """Raise UserError if a macOS release, such as "14.5", is too old; by default this system's, if any."""
     release = platform.mac_ver()[0] if macos is None else macos
     if release and int(release.split(".")[0]) < MACOS:
         raise UserError(

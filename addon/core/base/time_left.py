@@ -1,4 +1,4 @@
-"""How long work will still take, from how long it took so far."""
+"""Estimates of the time left, from the elapsed time."""
 
 from __future__ import annotations
 
@@ -8,30 +8,28 @@ from collections.abc import Callable
 from .messages import Progress, send
 
 LEAST_SHARE, LEAST_SECONDS = 0.1, 3.0
-"""Of the work, and of time, before which nothing can be said."""
+"""Share of the work and seconds that an estimate needs."""
 AGAIN = 0.01
-"""Share by which work falls back when something is tried again."""
+"""Drop of the share that indicates a retry."""
 CONTRADICTS, SLACK = 2.0, 5.0
-"""Times as long as the estimate before said, and seconds more, from which on two estimates contradict each
-other: then nothing is known."""
+"""Factor to the estimate before, and seconds more, beyond which an estimate contradicts it; none is given
+then."""
 
 
 class TimeLeft:
-    """Estimates for work whose shares are about proportional to time, and of which parts may be tried again.
+    """Estimates for work whose shares are proportional to time; times are in seconds of any clock.
 
-    While a part is tried again nothing is said, for nobody knows how many times it will be; what it took is
-    not taken for the pace of the rest.
+    Parts may be retried: there is no estimate then, and the time of the retry does not count for the pace.
     """
 
     def __init__(self, now: float) -> None:
-        """`now` and all times in seconds of any clock."""
         self._start = self._last = now
         self._highest = 0.0
         self._lost = 0.0
         self._said: tuple[float, float] | None = None
 
     def at(self, now: float, share: float) -> float | None:
-        """Seconds left when a share in [0, 1] of the work is done; None where nothing can be said."""
+        """Return the seconds left when a share in [0, 1] is finished, or None if unknown."""
         is_again = share < self._highest - AGAIN
         if is_again:
             self._lost += now - self._last
@@ -51,22 +49,21 @@ class TimeLeft:
 
 
 class Clock:
-    """Progress of steps that are alike, sent to the parent and reported in lines with the time left.
+    """Counts equal steps, sends them to the parent and reports the time left in lines.
 
-    The first frame finds depth for its neighbours, too: it costs several times as much as each of the others,
-    and is no measure of them.
+    The first frame is no measure: it finds depth for its neighbours, too, and takes several times as long.
     """
 
     def __init__(
         self, stage: str, total: int, report: Callable[[str], object], names: str = "frame {}"
     ) -> None:
-        """`names` makes the name of a step from its frame's number."""
+        """Format the name of a step from its frame's number by `names`."""
         self._stage, self._total, self._report, self._names = stage, total, report, names
         self._start = self._first = time.monotonic()
         self._done = 0
 
     def tick(self, frame: int | None, name: str = "") -> None:
-        """A step is done: a frame, or what has another name."""
+        """Count a step, which is a frame or has another name."""
         self._done += 1
         send(Progress(self._stage, self._done, self._total, frame))
         now = time.monotonic()
