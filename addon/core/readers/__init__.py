@@ -1,4 +1,4 @@
-"""Readers of what other programs solved: every format comes in as a solve of the clip."""
+"""Readers of other programs' camera solves: each format is imported as a solve of the clip."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .matching import Imported, match
 
 
 class Reader(Protocol):
-    """What a module that reads a format has; `read_reconstruction` finds the one for a file.
+    """A module that reads one format; `read_reconstruction` finds the module for a file.
 
     >>> imported = read_reconstruction(folder, footage)
     >>> imported.format, imported.reconstruction.frames.tolist()
@@ -26,27 +26,29 @@ class Reader(Protocol):
     """
 
     FORMAT: str
-    """The format's name for people."""
+    """The format's displayed name."""
 
     def recognises(self, path: Path) -> bool:
-        """Whether a file or folder looks like the format; False where it cannot be read."""
+        """Return whether a file or folder looks like the format; False if it cannot be read."""
 
     def read(self, path: Path, size: tuple[int, int]) -> ImportedModel:
-        """The model of a file or folder, of pictures of a size (width, height) in pixels where it names none.
+        """Read the model of a file or folder; raises UserError that names the invalid place in it.
 
-        Raises UserError that names the place in the file that is not what was expected.
+        `size` is the pictures' (width, height) in pixels, for formats without a size.
         """
 
 
 class Recording(Reader, Protocol):
-    """A reader of what brings its own clip."""
+    """A reader of recordings, which include their clip."""
 
     def clip(self, path: Path) -> Path:
-        """The clip of a recording, which may be unpacked beside it for it; UserError where that cannot be."""
+        """Return the clip of a recording, unpacked beside it if necessary; raises UserError."""
 
     def write_depth(self, path: Path, folder: Path) -> Path | None:
-        """Write the depth that a recording measured as maps of its clip into a folder, where it is not there;
-        the folder, None where there is no depth that can be read. UserError where it cannot be written."""
+        """Write measured depth as maps of the clip into a folder, unless it exists; None without depth.
+
+        Raises UserError if it cannot be written.
+        """
 
 
 RECORDINGS: tuple[Recording, ...] = (stray, record3d)
@@ -57,13 +59,13 @@ SUPPORTED = (
     " ViPE or Depth Anything 3, Record3D's .r3d, or a folder of Stray Scanner"
 )
 SUFFIXES = (".out", ".nvm", ".txt", ".json", ".npz", ".r3d")
-"""Of the files that are looked at in a folder without a COLMAP model."""
+"""Suffixes of the files examined in a folder without a COLMAP model."""
 
 
 def read_reconstruction(path: Path, footage: Footage) -> Imported:
-    """Read another program's model of a clip, a file or a folder, and match it with the clip's frames.
+    """Read another program's model, a file or a folder, and match it to the clip's frames.
 
-    Raises UserError where the format is unknown, the file is damaged (naming the place in it), or the model
+    Raises UserError if the format is unknown, the file is damaged (the message names the place), or the model
     is not of this clip.
     """
     path = Path(path).expanduser()
@@ -74,15 +76,13 @@ def read_reconstruction(path: Path, footage: Footage) -> Imported:
 
 
 def recorded_clip(path: Path) -> Path | None:
-    """The clip that a recording brings with it; None of what is no recording. UserError where it cannot be
-    had."""
+    """Return the clip of a recording, or None for another file; raises UserError if it is unavailable."""
     path = Path(path).expanduser()
     return next((reader.clip(path) for reader in RECORDINGS if reader.recognises(path)), None)
 
 
 def recorded_depth(path: Path, work_dir: Path) -> Path | None:
-    """The depth maps that a recording brings with it, beside a working folder; None of what has none.
-    UserError where they cannot be written."""
+    """Return the depth maps of a recording, beside a working folder, or None; raises UserError."""
     path = Path(path).expanduser()
     folder = work_dir.with_name(f"{work_dir.stem}_lidar")
     found = (reader.write_depth(path, folder) for reader in RECORDINGS if reader.recognises(path))
@@ -109,7 +109,7 @@ def _recognised(path: Path) -> tuple[Reader, Path]:
 
 
 def _without_cameras(path: Path) -> str:
-    """What a file or folder holds that can be depth maps of a clip; empty where it holds nothing like it."""
+    """Describe the pictures, depth maps or network in a file or folder; empty if there are none."""
     try:
         if path.suffix.lower() == ".onnx":
             return "a network"
@@ -125,7 +125,7 @@ def _without_cameras(path: Path) -> str:
 
 
 def _models_in(folder: Path) -> list[tuple[Reader, Path]]:
-    """The models in a folder, or where there is none, in the folder that Bundler makes in it."""
+    """List the models in a folder, or otherwise in Bundler's folder within it."""
     for place in (folder, folder / "bundle"):
         files = sorted(
             f for f in place.glob("*")

@@ -1,4 +1,4 @@
-"""What the readers of text formats share: from numbers in a file to lenses, poses and observations."""
+"""Lenses, poses and observations from the numbers in text formats."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from ..media.picture_file import PICTURES
 from .parsing import Numbers
 
 ACCURATE = 0.01
-"""Pixels by which a converted lens may miss without a word."""
+"""Largest error of a converted lens, in pixels, that is not reported."""
 FITS = ((2, 0), (2, 1), (2, 2), (3, 3))
-"""Terms above and below the fraction line of a fitted lens, the simplest first."""
+"""Terms of the numerator and denominator of a fitted lens, the simplest first."""
 ROTATION_ERROR = 1e-2
-"""Rows of a rotation are this close to orthonormal; files with two digits are not read as rotations."""
+"""Largest error of a rotation's rows from orthonormal; files with two digits are not read as rotations."""
 
 
 def rotation_from(matrix: Floats, problem: UserError) -> Floats:
-    """The rotation nearest to a (3, 3) matrix as printed in a file; raises `problem` if it is none.
+    """Return the rotation nearest to a printed (3, 3) matrix; raises `problem` if it is not a rotation.
 
-    The polar factor is the nearest one in the Frobenius norm (Higham, "Matrix nearness problems", 1989).
+    This is the polar factor, nearest in the Frobenius norm (Higham, "Matrix nearness problems", 1989).
     """
     if np.abs(matrix @ matrix.T - np.eye(3)).max() > ROTATION_ERROR or np.linalg.det(matrix) < 0:
         raise problem
@@ -36,16 +36,18 @@ def rotation_from(matrix: Floats, problem: UserError) -> Floats:
 
 
 def undistorting(pinhole: Intrinsics, a1: float, a2: float) -> tuple[Intrinsics, float] | None:
-    """The lens for which x_u = x_d (1 + a1 r_d^2 + a2 r_d^4) is the way back to a pinhole's rays.
+    """Fit a lens whose undistortion is x_u = x_d (1 + a1 r_d^2 + a2 r_d^4), in the units of a pinhole's rays.
 
-    Our lenses have the way there, so the simplest one is fitted that misses by `ACCURATE` pixels at most in
-    the whole picture: k1 and k2, else a quotient of polynomials (FULL_OPENCV). Returns it with its largest
-    miss in pixels, or None where the picture would fold or no lens of ours comes within a pixel.
+    Our lenses distort, so the inverse is fitted by the simplest lens within `ACCURATE` pixels in the whole
+    picture: k1 and k2, or a quotient of polynomials (FULL_OPENCV).
+
+    Returns:
+        The lens and its largest error in pixels; None if the picture folds or the error reaches a pixel.
     """
     size = (pinhole.width, pinhole.height)
     corners = np.array([[0, 0], [size[0], 0], [0, size[1]], size])
     rim = np.linalg.norm((corners - pinhole.principal_point) / pinhole.focal, axis=1).max()
-    # As dense towards the rim as Chebyshev's nodes, where polynomials err most.
+    # Denser towards the rim, like Chebyshev's nodes, because polynomials err most there.
     seen = rim * np.sin(np.linspace(0.0, np.pi / 2, 257)[1:])
     square = seen * seen
     if (1 + square * (3 * a1 + square * 5 * a2)).min() <= 0:
@@ -69,12 +71,12 @@ def undistorting(pinhole: Intrinsics, a1: float, a2: float) -> tuple[Intrinsics,
 
 
 def _quotient(true: Floats, seen: Floats, above: int, below: int) -> Floats:
-    """(6,) terms of r^2, r^4, r^6 above and below the fraction line that take radii `true` to `seen`.
+    """Fit (6,) terms of r^2, r^4, r^6 in numerator and denominator that map radii `true` to `seen`.
 
-    Linear once it is multiplied out; the weights undo what that does to the errors (Sanathanan and Koerner,
-    "Transfer function synthesis as a ratio of two complex polynomials", 1963).
+    The weights undo the effect of linearisation on the errors (Sanathanan and Koerner, "Transfer function
+    synthesis as a ratio of two complex polynomials", 1963).
     """
-    # In units of the rim, so that strong lenses do not lose their digits.
+    # In units of the rim, to keep the precision of strong lenses.
     unit = true / true[-1]
     powers = unit[:, None] ** np.array([2.0, 4.0, 6.0])
     columns = np.concatenate([powers[:, :above] * true[:, None], -powers[:, :below] * seen[:, None]], axis=1)
@@ -90,12 +92,12 @@ def _quotient(true: Floats, seen: Floats, above: int, below: int) -> Floats:
 
 @dataclass(frozen=True)
 class Observations:
-    """Which image saw which point where."""
+    """Positions of points in images."""
 
     image: NDArray[np.int64]
-    """(n,) index of the image in its file."""
+    """(n,) indices of images in the file."""
     point: NDArray[np.int64]
-    """(n,) row of the point."""
+    """(n,) rows of points."""
     xy: Floats
     """(n, 2) in pixels."""
 
@@ -103,10 +105,10 @@ class Observations:
 def observations_of(
     numbers: Numbers, starts: NDArray[np.int64], each: int, cameras: int, images: list[Image]
 ) -> tuple[Observations, list[str]]:
-    """The views of points that stand as X Y Z R G B, a count and so many times camera, key, x, y.
+    """Read the views of points that are stored as X Y Z R G B, a count, and `each` numbers a view.
 
-    `starts` (m,) are the indices of X. With `each` 2 the views have no x and y, which come out as 0. Views by
-    cameras that are not among `images` are left out, with a note.
+    A view is camera, key, x and y, or with `each` 2 camera and key, and x = y = 0. `starts` (m,) are the
+    indices of X. Views by cameras that are not in `images` are left out, with a note.
     """
     counts = numbers.values[starts + 6].astype(np.int64)
     point = np.repeat(np.arange(len(starts)), counts)
@@ -124,11 +126,10 @@ def observations_of(
 def assemble(
     cameras: list[Intrinsics], images: list[Image], observations: Observations, xyz: Floats, rgb: Floats
 ) -> Reconstruction:
-    """Images, which are ordered, with their observations, and points.
+    """Combine ordered images, their observations and points.
 
-    `xyz` is (m, 3), `rgb` (m, 3) from 0 to 255. Of several observations of a point in an
-    image the first counts.
-    A point's error is the mean over the images that have it ahead.
+    The first observation of a point in an image counts. A point's error is its mean reprojection error over
+    the images in front of which it lies. `xyz` is (m, 3), `rgb` (m, 3) in [0, 255].
     """
     _, kept = np.unique(observations.image * len(xyz) + observations.point, return_index=True)
     image, point, xy = (
@@ -153,18 +154,18 @@ def assemble(
 
 
 def visible(camera: Intrinsics, image: Image, xyz: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Where points (k, 3) project (k, 2), and which of them lie ahead and inside the picture (k,)."""
+    """Project points (k, 3) to pixels (k, 2), and mark those in front and inside the picture (k,)."""
     local = image.to_camera(xyz)
     place = camera.project(local)
     return place, (local[:, 2] > 0) & np.all((place >= 0) & (place <= [camera.width, camera.height]), axis=1)
 
 
 def picture_size(folder: Path, names: list[str]) -> tuple[int, int] | None:
-    """(width, height) of the first picture that lies beside a model, as stored; None where none does."""
+    """Return (width, height) of the first stored picture beside a model, or None."""
     for name in names[:8]:
         relative = Path(name.replace("\\", "/"))
         for file in (folder / relative, folder / relative.name):
-            # A model file may name anything; only pictures below its own folder are opened.
+            # A model file may name any path; only pictures below its folder are opened.
             inside = (not relative.is_absolute() and ".." not in relative.parts) or file.parent == folder
             if not inside or file.suffix.lower() not in PICTURES or not file.is_file():
                 continue
@@ -175,7 +176,7 @@ def picture_size(folder: Path, names: list[str]) -> tuple[int, int] | None:
 
 
 def check_size(path: Path, size: tuple[int, int], xy: Floats) -> list[str]:
-    """Notes on whether observations (n, 2) in pixels fit a picture of `size`; UserError if they do not."""
+    """Return notes on observations (n, 2) in pixels; raises UserError if they do not fit `size`."""
     if not len(xy):
         return ["the file has no observations, so no frame has features of its own"]
     width, height = size

@@ -1,9 +1,9 @@
 """Bundler's bundle.out with its list.txt, file versions 0.1 to 0.4 and without a header.
 
 P = R X + t, p = -P.xy / P.z, pixel = f (1 + k1 |p|^2 + k2 |p|^4) p from the picture's centre, y up, the
-camera looking down -z (Snavely, Bundler v0.4 User's Manual). What the manual leaves out is as Bundler's own
-readers have it: before 0.3 the scene is mirrored in z and no feature positions are stored, before 0.2 there
-is no distortion, and 0.4 may name its pictures.
+camera looking down -z (Snavely, Bundler v0.4 User's Manual). As in Bundler's own readers, the scene is
+mirrored in z and has no feature positions before 0.3, has no distortion before 0.2, and 0.4 may name its
+pictures.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ from .parsing import Numbers, Text
 
 FORMAT = "Bundler"
 TURNED = np.diag([1.0, -1.0, -1.0])
-"""From a camera that looks down -z with y up to ours."""
+"""Rotation from a camera that looks down -z with y up to ours."""
 MIRRORED = np.diag([1.0, 1.0, -1.0])
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How many numbers a file of some version has where."""
+    """Layout of a file version."""
 
     version: str
     camera: int = 15
-    """Numbers of a camera."""
+    """Numbers a camera."""
     before: int = 0
     """Numbers before a point's position."""
     view: int = 4
-    """Numbers of a view: camera, key and, where stored, x and y."""
+    """Numbers a view: camera, key and, in some versions, x and y."""
 
     @property
     def is_mirrored(self) -> bool:
-        """Whether the model is mirrored in z, as before version 0.3."""
+        """Return whether the model is mirrored in z."""
         return self.version < "0.3"
 
 
@@ -65,7 +65,7 @@ LAYOUTS = {
 
 
 def recognises(path: Path) -> bool:
-    """Whether a file is a bundle file, by its suffix or first line; False where it cannot be read."""
+    """Return whether a file is a bundle file, by its suffix or first line."""
     try:
         with open_regular(path) as file:
             start = file.read(200).removeprefix(b"\xef\xbb\xbf").lstrip()
@@ -75,11 +75,7 @@ def recognises(path: Path) -> bool:
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
-    """Read a bundle file and the list of pictures beside it.
-
-    `size` is the clip's (width, height), used unless a listed picture lies beside the file, because the
-    format has none. Raises UserError naming the line that is not what was expected.
-    """
+    """Read a bundle file; see `Reader.read`. The size of a listed picture beside the file has priority."""
     text = Text(path)
     version = _version(text)
     stream = _stream(text, version)
@@ -110,7 +106,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
 
 
 def _version(text: Text) -> str:
-    """The version that the header names; empty where there is none."""
+    """Return the version in the header, or an empty string."""
     first = text.demand("a header or the numbers of cameras and points")
     found = re.fullmatch(r"(?:# Bundle file )?v(\d+\.\d+)", first)
     if found and found[1] in LAYOUTS:
@@ -123,7 +119,7 @@ def _version(text: Text) -> str:
 
 @dataclass(frozen=True)
 class _Stream:
-    """The numbers of a file: first its cameras, then its points."""
+    """The numbers of a file: cameras, then points."""
 
     numbers: Numbers
     layout: Layout
@@ -131,7 +127,7 @@ class _Stream:
     starts: NDArray[np.int64]
     """(points,) index of each point's position."""
     names: list[str]
-    """Of the pictures; empty where the file names none."""
+    """Names of the pictures; empty if the file has none."""
 
 
 def _stream(text: Text, version: str) -> _Stream:
@@ -149,14 +145,14 @@ def _stream(text: Text, version: str) -> _Stream:
         try:
             return _Stream(numbers, layout, cameras, _starts(numbers, layout, cameras, points), [])
         except UserError as error:
-            # Of a file without a header, what the common version expected is the most telling.
+            # Without a header, the error of the most common version is the most useful.
             problem = problem or error
     assert problem is not None
     raise problem
 
 
 def _named(text: Text, words: list[str]) -> _Stream:
-    """Version 0.4 as Bundler's own readers know it: named pictures, and an ID before each point."""
+    """Read version 0.4 with named pictures and an ID before each point, as Bundler's own readers do."""
     cameras = text.count(words[0], "cameras", 36)
     points = text.count(words[1], "points", 16)
     if words[2] != "0":
@@ -172,7 +168,7 @@ def _named(text: Text, words: list[str]) -> _Stream:
         if len(parts[-1].values) != 15:
             raise text.wrong("the last of five lines with f k1 k2, a rotation and a translation")
     parts.append(text.numbers())
-    # One stream again, as in the other versions.
+    # Joined to one stream, as in the other versions.
     numbers = Numbers(
         text,
         np.concatenate([part.values for part in parts]),
@@ -184,8 +180,8 @@ def _named(text: Text, words: list[str]) -> _Stream:
 
 
 def _starts(numbers: Numbers, layout: Layout, cameras: int, points: int) -> NDArray[np.int64]:
-    """(points,) index of each point's position; UserError unless the file ends with the last point."""
-    # A view list has its own length, so a point is found only from the one before it.
+    """Return the (points,) indices of positions; raises UserError unless the file ends with a point."""
+    # Lists of views differ in length, so each point is found from the previous one.
     stream, end = memoryview(numbers.values), len(numbers.values)
     at = cameras * layout.camera
     least = 7 + layout.before
@@ -235,7 +231,6 @@ def _cameras(stream: _Stream, size: tuple[int, int]) -> tuple[list[Intrinsics], 
 def _projected(
     lenses: list[Intrinsics], images: list[Image], xyz: Floats, views: Observations
 ) -> Observations:
-    """The views, moved to the places where the points project; none that are behind or outside."""
     xy = np.full((len(views.image), 2), np.nan)
     for image in images:
         rows = np.flatnonzero(views.image == image.frame)
@@ -246,13 +241,12 @@ def _projected(
 
 
 def _listed(path: Path, cameras: int) -> tuple[list[str], list[str]]:
-    """The names in the list of pictures beside the file, and notes; empty names where there is no list."""
     stem = path.stem.removesuffix(".bundle")
     for name in ("list.txt", f"{stem}.list.txt", f"{path.name}.list.txt"):
         file = path.with_name(name)
         if file.is_file():
             return _names(file, path, cameras), []
-    # Bundler itself writes into a folder of its own and leaves the list where it was started.
+    # Bundler writes into a folder that it makes, and leaves the list in its working folder.
     file = path.parent.parent / "list.txt"
     if path.parent.name == "bundle" and file.is_file():
         return _names(file, path, cameras), []
@@ -263,7 +257,7 @@ def _names(file: Path, bundle: Path, cameras: int) -> list[str]:
     text = Text(file)
     names = []
     while (row := text.next()) is not None:
-        # A name, and behind it a 0 and a focal length in pixels where the picture's EXIF has one.
+        # A name, maybe followed by a 0 and the focal length in pixels from EXIF.
         names.append(re.sub(r"\s+0\s+[-+.\deE]+$", "", row))
     if len(names) != cameras:
         raise UserError(

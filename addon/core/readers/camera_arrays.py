@@ -1,19 +1,18 @@
-"""Cameras in NumPy's .npz, as networks that solve video write them: MegaSaM, ViPE, Depth Anything 3.
+"""NumPy's .npz files with the cameras of video networks: MegaSaM, ViPE, Depth Anything 3.
 
-All look along +z with y down. MegaSaM and ViPE count pixels from the centre of the first one, as the grids of
-DROID do that they stand on; ours is half a pixel from there.
+All cameras look along +z with y down. MegaSaM and ViPE count pixels from the centre of the first pixel, like
+the grids of DROID; ours count from its corner.
 
 MegaSaM (`cvd_opt.py`, `camera_tracking_scripts/test_demo.py`, commit c83e41b): NAME_sgd_cvd_hr.npz with
-images (n, h, w, 3), depths, intrinsic (3, 3), cam_c2w (n, 4, 4). Its pictures are the clip's scaled to the
-area of 512 x 384 and cut at the right and at the bottom to multiples of 8; the intrinsics are those before
-the cut.
+images (n, h, w, 3), depths, intrinsic (3, 3), cam_c2w (n, 4, 4). Its pictures are the clip's, scaled to the
+area of 512 x 384 and cropped at the right and bottom to multiples of 8; the intrinsics precede the crop.
 
 ViPE 1.2 (`vipe/utils/io.py`): pose/NAME.npz with data (n, 4, 4) camera-to-world and inds (n,) frames from 0,
 intrinsics/NAME.npz with data (n, 4) fx, fy, cx, cy and inds, intrinsics/NAME_camera.txt with lines such as
 "0: PINHOLE".
 
-Depth Anything 3 (exported as npz): depth (n, h, w), extrinsics (n, 3 or 4, 4) world-to-camera,
-intrinsics (n, 3, 3) of pictures of the depth's size.
+Depth Anything 3 (exported as npz): depth (n, h, w), extrinsics (n, 3 or 4, 4) world-to-camera, intrinsics (n,
+3, 3) for pictures of the depth's size.
 """
 
 from __future__ import annotations
@@ -33,24 +32,21 @@ from .poses import OPENCV, cameras, finite, lens
 
 FORMAT = "camera arrays"
 MOST = 2**28
-"""Bytes of poses and lenses together: half a million frames."""
+"""Most bytes of poses and lenses together: half a million frames."""
 CENTRE = 0.5
-"""Pixels from the corner of the first pixel to its centre."""
+"""Distance in pixels from the first pixel's corner to its centre."""
 AREA, MULTIPLE = 384 * 512, 8
-"""Pixels of MegaSaM's pictures, and what their sides are multiples of."""
+"""MegaSaM's pictures: area in pixels, and divisor of both sides."""
 MEGASAM, VIPE, DEPTH_ANYTHING = ("intrinsic", "cam_c2w"), ("data", "inds"), ("extrinsics", "intrinsics")
 
 
 def recognises(path: Path) -> bool:
-    """Whether a file has the arrays of one of the three, or a folder is ViPE's with one clip's poses."""
+    """Return whether a file has one program's arrays, or a folder ViPE's poses of a single clip."""
     return _kind(path) != "" or _poses_in(path) is not None
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
-    """The cameras of a file, of pictures of `size` (width, height); of ViPE's results, the folder will do.
-
-    UserError naming the array that is not what was expected.
-    """
+    """Read the cameras of a file or of ViPE's folder; see `Reader.read`."""
     path = _poses_in(path) or path
     try:
         match _kind(path):
@@ -68,7 +64,6 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
 
 
 def _kind(path: Path) -> str:
-    """Which program's arrays a file has; empty where it has none, or cannot be read."""
     if path.suffix.lower() != ".npz":
         return ""
     try:
@@ -80,7 +75,7 @@ def _kind(path: Path) -> str:
 
 
 def _poses_in(path: Path) -> Path | None:
-    """The one file of poses in a folder of ViPE's results; None where it is none."""
+    """Return the only file of poses in a folder of ViPE's results, or None."""
     files = path.glob("pose/*.npz") if path.is_dir() else ()
     found = [file for file in files if not is_litter(file.name)]
     return found[0] if len(found) == 1 and _kind(found[0]) == "ViPE" else None
@@ -124,7 +119,6 @@ def _vipe(path: Path, size: tuple[int, int]) -> tuple[Reconstruction, tuple[str,
 
 
 def _check_pinhole(path: Path) -> None:
-    """UserError where ViPE took another camera than a pinhole."""
     try:
         text = read_regular(path, 2**24).decode(errors="replace")
     except OSError:
@@ -153,6 +147,6 @@ def _depth_anything(path: Path) -> tuple[Reconstruction, tuple[str, ...]]:
 
 
 def _pinhole(place: str, size: tuple[int, int], matrix: Floats) -> Intrinsics:
-    """The pinhole of a 3 x 3 matrix of pixels that count from the centre of the first one."""
+    """Make a lens from a 3 x 3 matrix of pixels that count from the centre of the first one."""
     values = matrix[[0, 1, 0, 1], [0, 1, 2, 2]] + [0, 0, CENTRE, CENTRE]
     return lens(place, "PINHOLE", size, values.tolist())

@@ -1,6 +1,6 @@
-"""Models of COLMAP, and of what writes like it: binary or text, with or without rigs and frames.
+"""COLMAP models, binary or text.
 
-Rigs and frames (COLMAP 4) are not read: the images have their poses in every version. Formats:
+The images hold their poses in every version, so rigs and frames (COLMAP 4) are not read. Formats:
 https://colmap.github.io/format.html
 """
 
@@ -17,11 +17,11 @@ FORMAT = "COLMAP"
 KINDS = {".bin": ("COLMAP binary", colmap_binary), ".txt": ("COLMAP text", colmap_text)}
 STEMS = ("cameras", "images", "points3D", "rigs", "frames")
 SUBFOLDERS = (".", "0", "sparse", "sparse/0")
-"""Where in the folder that the user names a model may be; COLMAP numbers its models."""
+"""Possible places of a model in the selected folder; COLMAP numbers its models."""
 
 
 def recognises(path: Path) -> bool:
-    """Whether a file is part of a model, or a folder or one that COLMAP makes in it holds one."""
+    """Return whether a file belongs to a model, or a folder or COLMAP's folder within it holds one."""
     try:
         if path.is_file():
             return path.suffix in KINDS and path.stem in STEMS
@@ -31,10 +31,10 @@ def recognises(path: Path) -> bool:
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
-    """The model in a folder or beside a file of it, images in the order of their IMAGE_IDs.
+    """Read the model in a folder or of a file in it; see `Reader.read`.
 
-    Of a model that is there both as text and binary, the file that was named decides, else the binary one
-    is read. UserError with file, line or byte, and what was expected there. The file says its own size.
+    Images are in the order of their IMAGE_IDs. If both kinds exist, a named file decides, or else the kind
+    with more files. The file has its own size.
     """
     folder = path.parent if path.is_file() else _model_folder(path)
     if folder is None or (path.is_file() and path.suffix not in KINDS):
@@ -46,7 +46,6 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
 
 
 def _model_folder(path: Path) -> Path | None:
-    """The first of the places where a model may be that has any of its files."""
     for name in SUBFOLDERS:
         if any((path / name / file).is_file() for _, parser in KINDS.values() for file in parser.FILES):
             return path / name
@@ -54,8 +53,6 @@ def _model_folder(path: Path) -> Path | None:
 
 
 def _kind(folder: Path) -> str:
-    """Suffix of the files of which most are there."""
-
     def there(suffix: str) -> int:
         return sum((folder / file).is_file() for file in KINDS[suffix][1].FILES)
 
@@ -63,7 +60,6 @@ def _kind(folder: Path) -> str:
 
 
 def _other_models(folder: Path) -> tuple[str, ...]:
-    """A note on the pieces in which a clip was solved beside this one."""
     if not folder.name.isdecimal():
         return ()
     others = [

@@ -1,4 +1,4 @@
-"""COLMAP's binary files: little-endian, without padding, counts before what they count."""
+"""COLMAP's binary files: little-endian, without padding, each count before its items."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SIGHTING = 8
 
 
 class Cursor:
-    """A place in a file's bytes that moves on with what is read and never past the end."""
+    """A position in a file's bytes, which advances by reading and never passes the end."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -36,18 +36,18 @@ class Cursor:
             raise UserError(f"{path}, byte 0: expected binary data, not text; name it {path.stem}.txt")
 
     def place(self, at: int | None = None) -> str:
-        """The file and a byte, for errors; by default the next byte."""
+        """Return the file and a byte, by default the next, for errors."""
         return f"{self.path}, byte {self.at if at is None else at}"
 
     def take(self, layout: struct.Struct, what: str) -> tuple[int | float, ...]:
-        """The next values; UserError where the file ends before them."""
+        """Read the next values; raises UserError at the end of the file."""
         self.need(layout.size, what)
         values = layout.unpack_from(self.data, self.at)
         self.at += layout.size
         return values
 
     def count(self, least: int, what: str) -> int:
-        """A count of things that take `least` bytes or more each: no more of them than there is room for."""
+        """Read a count of items of at least `least` bytes; raises UserError if they do not fit the file."""
         place = self.place()
         number = int(self.take(COUNT, f"the number of {what}")[0])
         left = len(self.data) - self.at
@@ -56,7 +56,7 @@ class Cursor:
         return number
 
     def need(self, size: int, what: str) -> None:
-        """UserError where the file ends within the next `size` bytes."""
+        """Raise UserError if fewer than `size` bytes are left."""
         if len(self.data) - self.at < size:
             raise wrong(self.place(), f"{what}, but the file ends")
 
@@ -66,7 +66,7 @@ class Cursor:
 
 
 def read(folder: Path) -> Tables:
-    """The model in a folder; UserError with file and byte where it is not what was expected."""
+    """Read the model in a folder; raises UserError with file and byte."""
     cameras, images, points = (folder / name for name in FILES)
     return Tables(_cameras(cameras), _images(images), _points(points))
 
@@ -105,7 +105,7 @@ def _images(path: Path) -> list[ImageRow]:
         features = cursor.place()
         count = cursor.count(FEATURE.itemsize, "features")
         rows = np.frombuffer(cursor.data, FEATURE, count, cursor.at)
-        # Most features have no point, and keeping the views would keep the file.
+        # Most features have no point, and views would keep the file in memory.
         rows = rows[rows["point"] != -1]
         cursor.at += count * FEATURE.itemsize
         images.append(
@@ -136,7 +136,7 @@ def _points(path: Path) -> PointTable:
 
 
 def _starts(cursor: Cursor, count: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """(count,) byte at which each point begins: where one ends is known only after its track's length."""
+    """Return the (count,) byte offsets of points, whose tracks differ in length."""
     data, at, end = cursor.data, cursor.at, len(cursor.data)
     unpack, size, fixed = COUNT.unpack_from, POINT.itemsize, POINT.itemsize + COUNT.size
     starts = []

@@ -1,7 +1,6 @@
-"""A reconstruction as a COLMAP text model, exact to the last bit.
+"""Export of a reconstruction as a COLMAP text model, exact to the last bit.
 
-A point's row is its POINT3D_ID; in the models of our own working folders an image's name ends in its
-frame number.
+A point's row is its POINT3D_ID. In our working folders, an image's name ends in its frame number.
 """
 
 from __future__ import annotations
@@ -18,19 +17,18 @@ from .colmap_tables import assemble, wrong
 
 FILES = colmap_text.FILES
 LONGEST_NUMBER = 9
-"""Digits of a frame number."""
+"""Most digits of a frame number."""
 
 
 def write_model(folder: Path, reconstruction: Reconstruction) -> None:
-    """Write cameras.txt, images.txt and points3D.txt into an existing folder; names as `own_name`."""
+    """Write cameras.txt, images.txt and points3D.txt into an existing folder, with `own_name`."""
     export_model(folder, reconstruction, None)
 
 
 def export_model(folder: Path, reconstruction: Reconstruction, names: Mapping[int, str] | None) -> None:
-    """Write a model whose images are called as `names` says by frame number, the others as `own_name`.
+    """Write a model with image names by frame number, or `own_name` for those not in `names`.
 
-    Lenses are written as the simplest of COLMAP's camera models that they are. UserError for a name that
-    the format cannot hold.
+    Each lens is written as the simplest equivalent camera model. Raises UserError for an invalid name.
     """
     called = {image.frame: own_name(image.frame) for image in reconstruction.images} | dict(names or {})
     for name in called.values():
@@ -63,7 +61,7 @@ def export_model(folder: Path, reconstruction: Reconstruction, names: Mapping[in
 
 
 def read_model(folder: Path) -> Reconstruction:
-    """Read a text model of our own; UserError naming file and line where it is not what was expected."""
+    """Read a text model of our own; raises UserError with file and line."""
     model, names = assemble(folder, colmap_text.read(folder))
     images, place = {}, str(folder / "images.txt")
     for image in model.images:
@@ -78,7 +76,7 @@ def read_model(folder: Path) -> Reconstruction:
 
 
 def own_name(frame: int) -> str:
-    """Name of a frame's image in the models of our working folders."""
+    """Return the name of a frame's image in our working folders."""
     return f"frame_{frame:06d}.png"
 
 

@@ -1,4 +1,4 @@
-"""What a COLMAP model holds, as read from text or binary files, and its check and assembly."""
+"""Tables of a COLMAP model from text or binary files, their check and assembly."""
 
 from __future__ import annotations
 
@@ -18,24 +18,23 @@ from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, m
 Longs = NDArray[np.int64]
 
 LONGEST = 2**32
-"""Bytes of a file."""
+"""Most bytes of a file."""
 NO_POINT = -1
-"""POINT3D_ID of a feature without a point; 2^64 - 1 in binary files is the same number."""
+"""POINT3D_ID of a feature without a point; the same as 2^64 - 1 in binary files."""
 
 
 @dataclass(frozen=True)
 class ImageRow:
-    """One image of a model with the keys of its file."""
+    """An image of a model with the keys of its file."""
 
     place: str
-    """Where in its file it is, for messages: "images.txt, line 5"."""
+    """Its place in the file for messages, such as "images.txt, line 5"."""
     key: int
     quaternion: Floats
     """(4,) w, x, y, z of the world-to-camera rotation."""
     translation: Floats
     """(3,) of the world-to-camera pose."""
     camera: int
-    """Key of its camera."""
     name: str
     features_place: str
     xy: Floats
@@ -52,12 +51,12 @@ class PointTable:
     """(m,) POINT3D_IDs."""
     points: Points
     place: Callable[[int], str]
-    """Where in its file the point of a row is."""
+    """Returns the place of a row in the file."""
 
 
 @dataclass(frozen=True)
 class Tables:
-    """A whole model."""
+    """A complete model."""
 
     cameras: dict[int, Intrinsics]
     images: Sequence[ImageRow]
@@ -65,12 +64,12 @@ class Tables:
 
 
 def wrong(place: str, expected: str) -> UserError:
-    """The error for what is not as expected at a place in a file."""
+    """Make the error for an unexpected value at a place in a file."""
     return UserError(f"{place}: expected {expected}")
 
 
 def intrinsics_of(place: str, model: str, width: int, height: int, values: Sequence[float]) -> Intrinsics:
-    """`Intrinsics.from_parameters`, its errors with their place."""
+    """Call `Intrinsics.from_parameters`, and add the place to its errors."""
     if not _usable(np.array(values, dtype=np.float64)).all():
         raise wrong(place, f"camera parameters up to {LARGEST:g}")
     try:
@@ -80,7 +79,7 @@ def intrinsics_of(place: str, model: str, width: int, height: int, values: Seque
 
 
 def name_of(place: str, raw: bytes) -> str:
-    """A file's name for an image; programs on Windows may have written it in a code page."""
+    """Decode an image's name, which programs on Windows may write in a code page."""
     try:
         name = raw.decode()
     except UnicodeDecodeError:
@@ -91,7 +90,7 @@ def name_of(place: str, raw: bytes) -> str:
 
 
 def contents(path: Path, names: Sequence[str]) -> bytes:
-    """A file's bytes; UserError that says what belongs to a model where it cannot be read."""
+    """Read a file; raises UserError that lists the files of a model."""
     try:
         if not path.is_file():
             raise UserError(f"{path} is missing; a COLMAP model has {', '.join(names)}")
@@ -103,11 +102,10 @@ def contents(path: Path, names: Sequence[str]) -> bytes:
 
 
 def assemble(folder: Path, tables: Tables) -> tuple[Reconstruction, tuple[str, ...]]:
-    """The model and the names of its images, both in the order of the image keys.
+    """Assemble a model and the names of its images, both in the order of the image keys.
 
-    `Image.frame` is an index into the names. Features without a point are left out.
-    UserError with the place where a number is not finite, a key is not known or given twice, or a rotation
-    is none.
+    `Image.frame` is an index into the names. Features without a point are left out. Raises UserError for
+    numbers that are not finite, for unknown or repeated keys, and for invalid rotations.
     """
     if not tables.cameras:
         raise UserError(f"{folder}: the model has no cameras")
@@ -143,7 +141,7 @@ def _check_points(table: PointTable) -> None:
 
 
 def _usable(values: Floats) -> NDArray[np.bool_]:
-    """Which numbers are finite and of a size to compute with; what is no number compares false."""
+    """Mark finite numbers up to `LARGEST`; NaN compares false."""
     return np.asarray(np.abs(values) <= LARGEST)
 
 
@@ -156,7 +154,7 @@ def _rotation(row: ImageRow) -> Floats:
 
 
 def _features(row: ImageRow, keys: Longs, order: Longs) -> tuple[Floats, NDArray[np.int32]]:
-    """Places (n, 2) and rows (n,) of the points that an image sees, from the sorted keys and their rows."""
+    """Return positions (n, 2) and rows (n,) of an image's points, from the sorted keys and their rows."""
     seen = row.points != NO_POINT
     wanted, xy = row.points[seen], row.xy[seen]
     at = np.searchsorted(keys, wanted)

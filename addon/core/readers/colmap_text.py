@@ -1,4 +1,4 @@
-"""COLMAP's text files: a line a camera or point, two an image, `#` before comments."""
+"""COLMAP's text files: one line a camera or point, two an image, comments after `#`."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from .colmap_tables import (
 
 FILES = ("cameras.txt", "images.txt", "points3D.txt")
 BATCH = 50_000
-"""Points that are parsed at once: their words take ten times the room of their numbers."""
+"""Points parsed at once: their words take ten times the memory of their numbers."""
 PROMISE = re.compile(rb"# Number of \w+: (\d{1,15})\b")
 ROW = np.dtype([("line", "i8"), ("key", "i8"), ("xyz", "f8", 3), ("rgb", "i8", 3), ("error", "f8")])
 
 
 def read(folder: Path) -> Tables:
-    """The model in a folder; UserError with file and line where it is not what was expected."""
+    """Read the model in a folder; raises UserError with file and line."""
     cameras, images, points = (folder / name for name in FILES)
     return Tables(_cameras(cameras), _images(images), _points(points))
 
 
 class Lines(Iterator[tuple[int, bytes]]):
-    """A file's lines after their numbers, blank ones and comments among them."""
+    """Numbered lines of a file, including blank lines and comments."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -58,7 +58,7 @@ class Lines(Iterator[tuple[int, bytes]]):
         return next(self._lines)
 
     def telling(self) -> Iterator[tuple[int, bytes]]:
-        """The lines that are neither blank nor comments."""
+        """Yield the lines that are neither blank nor comments."""
         for number, line in self:
             words = line.lstrip()
             if words.startswith(b"#"):
@@ -68,11 +68,10 @@ class Lines(Iterator[tuple[int, bytes]]):
                 yield number, line
 
     def place(self, number: int) -> str:
-        """The file and a line, for errors."""
         return f"{self.path}, line {number}"
 
     def finish(self, what: str, count: int) -> None:
-        """UserError where less or more follows than COLMAP's header says: a cut text shows nowhere else."""
+        """Raise UserError if the count differs from COLMAP's header: the only sign of a truncated text."""
         if self._promise and self._promise[1] != count:
             place, promised = self._promise
             raise wrong(
@@ -106,7 +105,7 @@ def _images(path: Path) -> list[ImageRow]:
         key, camera = _integers(place, [words[0], words[8]]).tolist()
         pose = _floats(place, words[1:8])
         name = name_of(place, words[9])
-        # The line of features follows at once and may be empty, or missing at the end.
+        # The line of features follows directly; it may be empty, or missing at the end.
         below, text = next(lines, (number + 1, b""))
         features = lines.place(below)
         xy, points = _features(features, text.split())
@@ -116,18 +115,18 @@ def _images(path: Path) -> list[ImageRow]:
 
 
 def _features(place: str, words: list[bytes]) -> tuple[Floats, Longs]:
-    """Places (n, 2) and keys (n,) of the features that have a point."""
+    """Return positions (n, 2) and keys (n,) of the features with a point."""
     if len(words) % 3:
         raise wrong(place, "features as X Y POINT3D_ID")
     points = _integers(place, words[2::3])
     seen = points != NO_POINT
-    # Most have none, and a number takes half a microsecond.
+    # Most features have none, and parsing a number takes 0.5 us.
     x, y = (_floats(place, list(compress(words[first::3], seen))) for first in (0, 1))
     return np.stack([x, y], axis=1), points[seen]
 
 
 def _points(path: Path) -> PointTable:
-    """Only what stands before the tracks: the images tell who sees a point."""
+    """Read the columns before the tracks; the images hold the same observations."""
     lines = Lines(path)
     parts = [np.zeros(0, ROW)]
     parts += [_rows(lines, batch) for batch in batched(lines.telling(), BATCH, strict=False)]
@@ -142,7 +141,6 @@ def _points(path: Path) -> PointTable:
 
 
 def _rows(lines: Lines, batch: Sequence[tuple[int, bytes]]) -> NDArray[np.void]:
-    """The points on some lines, a column at a time."""
     table = np.zeros(len(batch), ROW)
     table["line"] = [number for number, _ in batch]
     rows = [line.split(None, 8) for _, line in batch]
@@ -157,7 +155,7 @@ def _rows(lines: Lines, batch: Sequence[tuple[int, bytes]]) -> NDArray[np.void]:
             table["xyz"][:, i] = reals(columns[1 + i])
             table["rgb"][:, i] = wholes(columns[4 + i])
     except (ValueError, OverflowError):
-        # Line by line, for the message; one of them raises.
+        # Line by line, to raise an error that names the line.
         for (number, _), row in zip(batch, rows, strict=True):
             _integers(lines.place(number), [row[0], *row[4:7]])
             _floats(lines.place(number), [*row[1:4], row[7]])
@@ -179,7 +177,7 @@ def _integers(place: str, words: Sequence[bytes]) -> Longs:
 
 
 def _culprit(words: Sequence[bytes], column: Callable[[Sequence[bytes]], object]) -> str:
-    """The first word of which no column can be made, for a message."""
+    """Return the first invalid word, for a message."""
     for word in words:
         try:
             column([word])

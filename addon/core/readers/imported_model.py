@@ -1,4 +1,4 @@
-"""What every reader of another program's solve hands over, before it is matched with the clip."""
+"""The common result of all readers, before it is matched with the clip."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from ..camera.reconstruction import Reconstruction
 
 @dataclass(frozen=True)
 class ImportedModel:
-    """A model as its file tells it, in our conventions, with images that know no clip yet."""
+    """A model in our conventions, whose images are not matched with a clip yet."""
 
     format: str
-    """For people: "COLMAP binary", "Bundler v0.3"."""
+    """Displayed name: "COLMAP binary", "Bundler v0.3"."""
     reconstruction: Reconstruction
     """`Image.frame` is an index into `names`; units, origin and orientation are the file's own."""
     names: tuple[str, ...]
-    """Of all the file's images in its order, registered or not; empty strings where it names none."""
+    """Names of all images in the file's order, registered or not; empty strings if it has none."""
     notes: tuple[str, ...] = ()
-    """What the user should know: what was skipped, assumed or not understood."""
+    """Remarks for the user on skipped, assumed or invalid content."""
     projected: bool = False
-    """The file stores no feature positions: each feature is put where its point projects."""
+    """True if the file has no feature positions, so that features are the projections of points."""

@@ -1,7 +1,7 @@
-"""Which frame of the clip each image of a foreign model is.
+"""Matching of the images of an imported model with the clip's frames.
 
-By file name, its folders deciding between namesakes; else by name without extension; else by the number in
-the name; else, where both have as many, by order.
+Images match by file name and its folders, by name without extension, by the number in the name, or, if the
+counts are equal, by order.
 """
 
 from __future__ import annotations
@@ -22,50 +22,49 @@ from . import bundler
 from .imported_model import ImportedModel
 
 SAME_ASPECT = 0.01
-"""How much a clip's aspect ratio may differ from the model's: sizes are rounded to whole pixels."""
+"""Largest relative difference of the aspect ratios of clip and model, due to whole pixels."""
 NO_PATH = 1e-4
-"""Cameras that lie closer together, in the points' typical distance, only turn."""
+"""Largest distance of cameras of a pure rotation, in units of the typical distance of points."""
 ONLY_TURNS = "the camera only turns: all cameras are at one place, so the points have no depth of their own"
 SHOWN = 5
 
 
 @dataclass(frozen=True)
 class Imported:
-    """A foreign model as a solve of the clip."""
+    """An imported model as a solve of the clip."""
 
     reconstruction: Reconstruction
-    """`Image.frame` is the clip's own frame number, images in their order; not normalised."""
+    """`Image.frame` is the clip's frame number; images are in that order; not normalised."""
     format: str
     notes: tuple[str, ...]
-    """What the user should know, a sentence each."""
+    """Remarks for the user, one sentence each."""
     projected: bool = False
-    """As `ImportedModel.projected`."""
+    """See `ImportedModel.projected`."""
     placed: bool = False
-    """The world is that of a scene where other things stand: it stays as it is."""
+    """True if the world is that of an existing scene, and must not be moved."""
 
     @property
     def lacks_points(self) -> bool:
-        """Whether no point is seen by two frames: there is none, or they were not tracked but computed from
-        depth, and their places in the frames say nothing of errors."""
+        """Return whether no point is seen by two frames, as for points computed from depth."""
         return not np.any(self.reconstruction.views_per_point > 1)
 
 
 @dataclass
 class _Pairing:
-    """A way to tell which image is which frame, and what came of it."""
+    """A possible assignment of images to frames."""
 
     frames: dict[int, int] = field(default_factory=dict)
-    """From the image's index in the model to the clip's frame."""
+    """The clip's frame by the image's index in the model."""
     doubtful: list[tuple[str, str, int]] = field(default_factory=list)
-    """Two images that are equally likely to be a frame."""
+    """Pairs of images that match a frame equally well."""
     note: str = ""
 
 
 def match(model: ImportedModel, footage: Footage) -> Imported:
-    """Give the images of a foreign model the clip's frame numbers, and its lenses the clip's size.
+    """Assign the clip's frame numbers to a model's images, and the clip's size to its lenses.
 
-    Raises UserError where no image is known to be a frame, where several could be the same one, and where
-    the model was solved from pictures of another shape.
+    Raises UserError if no image matches a frame, several match the same one, or the model's pictures had
+    another shape.
     """
     pairing = _pair(model, footage)
     notes = [*model.notes, pairing.note] if pairing.note else list(model.notes)
@@ -106,7 +105,7 @@ def _pair(model: ImportedModel, footage: Footage) -> _Pairing:
     registered = [image.frame for image in model.reconstruction.images]
     ways = [] if footage.is_video else [_by(named, footage, _file_name), _by(named, footage, _stem)]
     ways.append(_by_number(named, footage))
-    # The most telling way comes first, and of equal counts max takes the first.
+    # The most reliable assignment comes first, and max takes the first of equal counts.
     best = max(ways, key=lambda way: sum(index in way.frames for index in registered) + len(way.doubtful))
     if best.doubtful:
         first, second, frame = best.doubtful[0]
@@ -115,7 +114,7 @@ def _pair(model: ImportedModel, footage: Footage) -> _Pairing:
             f" {model.format} model; remove one of them from the model or rename its pictures"
         )
     found = [index in best.frames for index in registered]
-    # A program that was given every second frame numbers these from one to the next.
+    # A program that was given every second frame numbers its images consecutively.
     is_stepped = len(model.names) == len(footage.frames) and common_step(footage.frames) > 1
     if all(found) or (any(found) and not (best is ways[-1] and is_stepped)):
         return best
@@ -149,8 +148,7 @@ def _no_match(model: ImportedModel, footage: Footage) -> UserError:
 
 
 def if_every(cameras: int, frames: Sequence[int]) -> str:
-    """The end of an error where a clip has a multiple of a model's cameras, which may be of every second of
-    its frames; empty where it has not."""
+    """Return a hint for an error if the cameras may be of every n-th frame; otherwise empty."""
     step = round(len(frames) / max(cameras, 1))
     if step < 2 or -(-len(frames) // step) != cameras:
         return ""
@@ -164,7 +162,7 @@ Parts = tuple[str, ...]
 
 
 def _parts(name: str) -> Parts:
-    """The components of a path of any system, without a drive, in lower case."""
+    """Split a path of any system into lower-case components, without a drive."""
     path = re.sub(r"^[A-Za-z]:", "", name.replace("\\", "/")).casefold()
     return tuple(part for part in PurePosixPath(path).parts if part not in ("/", "//", "."))
 
@@ -175,7 +173,7 @@ def _file_name(parts: Parts) -> str:
 
 def _stem(parts: Parts) -> str:
     path = PurePosixPath(_file_name(parts))
-    # What looks like an extension may be the number of the frame.
+    # A numeric suffix may be the frame number, not an extension.
     return path.name if path.suffix[1:].isdecimal() else path.stem
 
 
@@ -186,7 +184,7 @@ def _by(named: dict[int, Parts], footage: Footage, key: Callable[[Parts], str]) 
 
 
 def _by_number(named: dict[int, Parts], footage: Footage) -> _Pairing:
-    """By the last number in the name, from 0 where the clip counts from 1."""
+    """Match by the last number in the name, from 0 if the clip counts from 1."""
     folder = _parts(str(footage.path))
     folder = (*folder[:-1], "") if footage.is_video or not footage.path.is_dir() else (*folder, "")
     named_as = dict(zip(footage.frames, footage.file_numbers, strict=True))
@@ -210,7 +208,7 @@ def _number(parts: Parts) -> str:
 def _chosen(
     named: dict[int, Parts], wanted: Sequence[tuple[int, str, Parts]], key: Callable[[Parts], str]
 ) -> _Pairing:
-    """For each (frame, key, path) the image with that key; among several the one whose folders agree best."""
+    """For each (frame, key, path), choose the image with the key whose folders agree best."""
     by_key: dict[str, list[int]] = defaultdict(list)
     for index, parts in named.items():
         by_key[key(parts)].append(index)
@@ -229,13 +227,12 @@ def _chosen(
 
 
 def _shared_folders(one: Parts, other: Parts) -> int:
-    """How many folders from the innermost outwards have the same names."""
     pairs = list(zip(reversed(one[:-1]), reversed(other[:-1]), strict=False))
     return next((count for count, (a, b) in enumerate(pairs) if a != b), len(pairs))
 
 
 def _natural(name: str) -> list[tuple[bool, int, str]]:
-    """Sorts img2 before img10, and empty names not at all."""
+    """Return a sort key that puts img2 before img10; empty names keep their order."""
     pieces = re.split(r"(\d{1,18})", name)
     return [(piece.isdecimal(), int(piece) if piece.isdecimal() else 0, piece) for piece in pieces if piece]
 
@@ -250,7 +247,7 @@ def _some(names: list[str]) -> str:
 
 
 def _fitted(model: Reconstruction, footage: Footage) -> tuple[Reconstruction, list[str]]:
-    """A model brought to pictures of the clip's size, with only those lenses that are used."""
+    """Scale a model to the clip's size, with only those lenses that are used."""
     used = sorted({image.camera for image in model.images})
     places = {camera: place for place, camera in enumerate(used)}
     size = np.array([footage.width, footage.height])
@@ -285,7 +282,7 @@ def _check_shape(camera: Intrinsics, footage: Footage) -> None:
 
 
 def at_one_place(model: Reconstruction) -> bool:
-    """Whether all cameras stand at one place: then the points have no depth of their own."""
+    """Return whether all cameras share one position, so that points have no depth."""
     centres = np.array([image.centre for image in model.images])
     if len(centres) < 2 or not len(model.points):
         return False

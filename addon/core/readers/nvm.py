@@ -1,9 +1,9 @@
-"""VisualSFM's N-view match files: NVM_V3, with FixedK, NVM_V3_R9T, and those that COLMAP writes.
+"""VisualSFM's N-view match files: NVM_V3, with FixedK, NVM_V3_R9T, and COLMAP's variant.
 
 Camera: focal length, world-to-camera quaternion w x y z and projection centre (R9T: rotation and
-translation), axes as ours. VisualSFM writes features relative to the principal point, and a radial
-parameter r that undistorts, x_u = x_d (1 + r x_d^2) (Wu et al., "Multicore bundle adjustment", 2011); COLMAP
-writes absolute pixels, which are not negative, and -k1.
+translation), axes as ours. VisualSFM's features are relative to the principal point, and its radial parameter
+r undistorts, x_u = x_d (1 + r x_d^2) (Wu et al., "Multicore bundle adjustment", 2011). COLMAP writes absolute
+pixels, which are not negative, and -k1.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from .parsing import Numbers, Text
 
 FORMAT = "VisualSFM NVM"
 NEGATIVE = 0.05
-"""Share of the features' coordinates that may be negative in absolute pixels; relative to the principal point
-about half of them are."""
+"""Largest share of negative coordinates in absolute pixels; relative to the principal point it is about half.
+"""
 MISS = 0.05
-"""Share of the picture's width that points may project from their features, in the median: files of other
-footage miss by more. Chosen by inspection of imported models."""
+"""Largest median reprojection error as a share of the picture's width; a wrong clip has more. Chosen by
+inspection of imported models."""
 
 
 def recognises(path: Path) -> bool:
-    """Whether a file is an .nvm, by its suffix or first line; False where it cannot be read."""
+    """Return whether a file is an .nvm, by its suffix or first line."""
     try:
         with open_regular(path) as file:
             start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip()
@@ -50,11 +50,7 @@ def recognises(path: Path) -> bool:
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
-    """Read the largest model of a file.
-
-    `size` is the clip's (width, height), used unless a listed picture lies beside the file, because the
-    format has none. Raises UserError naming the line that is not what was expected.
-    """
+    """Read the largest model of a file; see `Reader.read`. A listed picture's size has priority."""
     text = Text(path)
     header = _header(text)
     model, notes = _largest_model(text, header)
@@ -88,7 +84,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
 class _Header:
     version: str
     fixed: tuple[float, float, float, float, float] | None
-    """fx, cx, fy, cy, r that all cameras share."""
+    """fx, cx, fy, cy, r, shared by all cameras."""
 
     @property
     def pose_numbers(self) -> int:
@@ -133,12 +129,12 @@ def _header(text: Text) -> _Header:
 
 
 def _largest_model(text: Text, header: _Header) -> tuple[_Model, list[str]]:
-    """The model with the most registered cameras; the others are only passed over."""
+    """Return the model with the most registered cameras, and notes."""
     best: _Model | None = None
     sizes: list[int] = []
     while True:
         row = text.next()
-        # Behind the models there may be a list of PLY files.
+        # A list of PLY files may follow the models.
         if row is None or row == "0" or row.startswith("#"):
             break
         count = text.count(row, "cameras", 2 * (header.pose_numbers + 4))
@@ -170,7 +166,7 @@ def _cameras(text: Text, header: _Header, count: int) -> tuple[tuple[str, ...], 
         if len(parts) != length + 1:
             raise text.wrong(f"a file name and {length} numbers")
         values = text.row(parts[1:], length, f"{length} numbers")
-        # VisualSFM itself writes a space in a name as a quotation mark.
+        # VisualSFM writes a space in a name as a quotation mark.
         names.append(parts[0].strip('"').replace('"', " "))
         focal, pose = float(values[0]), values[1 : 1 + header.pose_numbers]
         if focal == 0:
@@ -211,7 +207,7 @@ def _model(text: Text, names: tuple[str, ...], cameras: list[_Camera], points: i
 def _lenses(
     text: Text, header: _Header, model: _Model, point: Floats, is_absolute: bool, size: tuple[int, int]
 ) -> tuple[list[Intrinsics], list[str]]:
-    """The cameras' lenses with the principal point (2,), and notes on how well they are converted."""
+    """Return the cameras' lenses with the principal point (2,), and notes on the error of conversion."""
     lenses: list[Intrinsics] = []
     worst = 0.0
     for camera in model.cameras:

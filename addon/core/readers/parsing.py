@@ -1,7 +1,6 @@
-"""What the readers of text formats share: the lines of a file, its numbers, and where they stand.
+"""Lines and numbers of text files, with their places for errors.
 
-No count in a file is believed before the bytes that it promises are there, and no number is used before
-it is known to be finite and of a size whose powers are finite too.
+A count is rejected if its bytes are missing, and a number if it is not finite or its powers may overflow.
 """
 
 from __future__ import annotations
@@ -19,21 +18,21 @@ from ..base.numbers import LARGEST, reals
 from ..base.regular_file import read_regular
 
 SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
-"""Which bytes separate words."""
+"""(256,) bytes that separate words."""
 LONGEST = 2**32
-"""Bytes of a file."""
+"""Most bytes of a file."""
 CHUNK = 2**22
-"""Bytes that are split into words at a time: words take ten times the memory of their text."""
+"""Bytes split into words at a time: words take ten times the memory of their text."""
 
 
 class Text:
-    """A text file, read from its first line to its last. Any of LF, CRLF and CR ends a line."""
+    """A text file, read line by line; LF, CRLF and CR end a line."""
 
     def __init__(self, path: Path) -> None:
-        """Raises UserError where the file is missing, empty, too large or no text."""
+        """Raise UserError for a file that is missing, empty, too large or not text."""
         self.path = path
         self.line = 0
-        """Number of the line that was read last."""
+        """Number of the last line read."""
         try:
             if not path.is_file():
                 raise UserError(f"{path} is not a file; give the file that the other program exported")
@@ -55,11 +54,10 @@ class Text:
 
     @property
     def left(self) -> int:
-        """Bytes that were not read yet."""
         return max(len(self._data) - self._at, 0)
 
     def next(self) -> str | None:
-        """The next line that is not blank, stripped; None at the end."""
+        """Return the next line that is not blank, stripped; None at the end."""
         while self._at < len(self._data):
             end = self._data.find(b"\n", self._at)
             end = len(self._data) if end < 0 else end
@@ -71,25 +69,24 @@ class Text:
         return None
 
     def demand(self, expected: str) -> str:
-        """The next line that is not blank; UserError that says what was expected where there is none."""
+        """Return the next line that is not blank; raises UserError with `expected` at the end."""
         row = self.next()
         if row is None:
             raise self.ends(expected)
         return row
 
     def back(self) -> None:
-        """Read the last line once more."""
         self._at = self._data.rfind(b"\n", 0, self._at - 1) + 1
         self.line -= 1
 
     def skip(self, lines: int) -> None:
-        """Pass over lines that are not blank; UserError where there are fewer."""
+        """Skip lines that are not blank; raises UserError if there are too few."""
         for number in range(lines):
             if self.next() is None:
                 raise self.ends(f"{lines - number} more points")
 
     def numbers(self, lines: int | None = None) -> Numbers:
-        """The numbers on the next `lines` lines that are not blank, or on all that are left."""
+        """Read the numbers on the next `lines` lines that are not blank, or on all."""
         first, wanted = self.line + 1, lines
         values: list[Floats] = [np.zeros(0)]
         per_line: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
@@ -113,7 +110,7 @@ class Text:
         return Numbers(self, np.concatenate(values), ends, np.arange(first, first + len(ends)))
 
     def row(self, words: list[str], count: int, what: str) -> Floats:
-        """(count,) numbers from words of the line that was read last."""
+        """Parse (count,) numbers from words of the last line read."""
         if len(words) != count:
             raise self.wrong(f"{what}, not {len(words)}")
         try:
@@ -123,7 +120,7 @@ class Text:
             self.line += 1
 
     def count(self, word: str, what: str, bytes_each: int) -> int:
-        """A count on the line that was read last, of things that take `bytes_each` bytes at least."""
+        """Parse a count on the last line read, of items that take at least `bytes_each` bytes."""
         if not re.fullmatch(r"\d{1,18}", word, re.ASCII):
             raise self.wrong(f"the number of {what}, not {word[:40]!r}")
         if int(word) * bytes_each > self.left + 1:
@@ -131,21 +128,21 @@ class Text:
         return int(word)
 
     def wrong(self, expected: str, line: int | None = None) -> UserError:
-        """The error for a line, by default the one read last, that is not what was expected."""
+        """Make the error for a line that is not as expected, by default the last one read."""
         return UserError(f"{self.path}, line {self.line if line is None else line}: expected {expected}")
 
     def ends(self, expected: str) -> UserError:
-        """The error for a text that ends before what was expected."""
+        """Make the error for a text that ends too early."""
         return UserError(f"{self.path} ends at line {self.line}: expected {expected}; it may be truncated")
 
     def _values(self, piece: bytes) -> Floats:
-        """The numbers of the text that follows the line that was read last."""
+        """Parse the numbers that follow the last line read."""
         words = piece.split()
         try:
             values = reals(words)
         except ValueError:
             values = np.full(len(words), np.nan)
-        # What is not a number compares false, too.
+        # NaN compares false, too.
         if np.all(np.abs(values) <= LARGEST):
             return values
         for number, line in enumerate(piece.split(b"\n"), self.line + 1):
@@ -165,7 +162,7 @@ def _decoded(row: bytes) -> str:
 
 
 def _words_per_line(piece: bytes) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Where each line of a text ends, and how many words it has; both (lines,)."""
+    """Return the end of each line in bytes and its number of words; both (lines,)."""
     space = SPACE[np.frombuffer(piece, dtype=np.uint8)]
     begins = ~space
     begins[1:] &= space[:-1]
@@ -184,28 +181,27 @@ def _is_number(word: bytes) -> bool:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Numbers of a text, and on which lines they stand."""
+    """Numbers of a text, and their lines."""
 
     text: Text
     values: Floats
     """(n,)"""
     ends: NDArray[np.int64]
-    """(lines,) how many numbers stand on each line and those before it."""
+    """(lines,) cumulative count of numbers."""
     lines: NDArray[np.int64]
-    """(lines,) their numbers in the text."""
+    """(lines,) line numbers in the text."""
 
     def line(self, index: int) -> int:
-        """The line on which a number stands."""
+        """Return the line of a number."""
         return int(self.lines[np.searchsorted(self.ends, index, side="right")])
 
     def wrong(self, index: int, expected: str) -> UserError:
-        """The error for a number of an index that is not what was expected."""
         if index >= len(self.values):
             return self.text.ends(expected)
         return self.text.wrong(f"{expected}, not {self.values[index]:g}", self.line(index))
 
     def whole(self, where: NDArray[np.int64], below: int, what: str) -> NDArray[np.int64]:
-        """Whole numbers from 0 to `below` - 1 at indices (k,) -> (k,); UserError where one is none."""
+        """Return whole numbers from 0 to `below` - 1 at indices (k,); raises UserError."""
         found = self.values[where]
         bad = np.flatnonzero((found < 0) | (found >= below) | (found != np.floor(found)))
         if len(bad):

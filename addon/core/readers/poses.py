@@ -1,4 +1,4 @@
-"""What the readers of cameras without points share: from tables of poses and lenses to a model."""
+"""Models from tables of poses and lenses without points."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, m
 from .building import rotation_from
 
 OPENGL = np.diag([1.0, -1.0, -1.0])
-"""From a camera that looks along -z with y up (OpenGL, Blender, nerfstudio, ARKit) to ours."""
+"""Rotation from a camera that looks along -z with y up (OpenGL, Blender, nerfstudio, ARKit) to ours."""
 OPENCV = np.eye(3)
-"""From a camera that looks along +z with y down to ours."""
+"""Rotation from a camera that looks along +z with y down to ours."""
 
 
 def finite(value: object, shape: tuple[int, ...], place: str, what: str) -> Floats:
-    """Numbers of a file as an array of a shape, -1 for any length; UserError "PLACE: expected WHAT"."""
+    """Convert to an array of a shape, -1 for any length; raises UserError "PLACE: expected WHAT"."""
     try:
-        # What JSON holds may be ragged, text, or whole numbers of any size.
+        # JSON may hold ragged lists, text, or whole numbers of any size.
         array = np.asarray(value, dtype=np.float64)
         fits = array.ndim == len(shape) and all(a in (-1, b) for a, b in zip(shape, array.shape, strict=True))
     except (ValueError, TypeError, OverflowError):
@@ -33,7 +33,7 @@ def finite(value: object, shape: tuple[int, ...], place: str, what: str) -> Floa
 
 
 def lens(place: str, model: str, size: tuple[float, float], values: Sequence[float]) -> Intrinsics:
-    """`Intrinsics.from_parameters`, its errors with their place."""
+    """Call `Intrinsics.from_parameters`, and add the place to its errors."""
     width, height = size
     if not (width % 1 == 0 and height % 1 == 0):
         raise UserError(f"{place}: expected a size in whole pixels, not {width:g} x {height:g}")
@@ -46,11 +46,17 @@ def lens(place: str, model: str, size: tuple[float, float], values: Sequence[flo
 def cameras(
     to_world: Floats, axes: Floats, lenses: Sequence[Intrinsics], place: str, first: int = 0
 ) -> Reconstruction:
-    """Cameras without points from camera-to-world matrices (n, 3 or 4, 4) and n lenses.
+    """Make a model without points from camera-to-world matrices; `Image.frame` is the row.
 
-    `axes` (3, 3) turns the file's camera space into ours. `Image.frame` is the row, and `place` tells where
-    that of row 0 stands, with `{}` for its number, which begins at `first`. UserError for what is no
-    rotation.
+    Args:
+        to_world: (n, 3 or 4, 4) matrices.
+        axes: (3, 3) rotation from the file's camera space to ours.
+        lenses: One for each row.
+        place: Place of a row for errors, with `{}` for its number.
+        first: Number of row 0.
+
+    Raises:
+        UserError: A matrix is not a rotation.
     """
     kinds: dict[Intrinsics, int] = {}
     none, nowhere = np.zeros((0, 2)), np.zeros(0, dtype=np.int32)
@@ -66,7 +72,7 @@ def cameras(
 
 
 def to_world(quaternions: Floats, positions: Floats, place: Path) -> Floats:
-    """(n, 3, 4) camera-to-world matrices of quaternions x, y, z, w (n, 4) and positions (n, 3)."""
+    """Return (n, 3, 4) camera-to-world matrices of quaternions x, y, z, w (n, 4) and positions (n, 3)."""
     length = np.linalg.norm(quaternions, axis=1)
     if not np.all(length > 1e-6):
         raise UserError(f"{place}: pose {int(np.argmin(length))} has a quaternion that is zero")

@@ -1,10 +1,10 @@
-"""Record3D's .r3d: a phone's pictures with ARKit's poses, in metres, in one archive.
+"""Record3D's .r3d: an archive of a phone's pictures with ARKit's poses in metres.
 
-A zip with `metadata` (JSON) and rgbd/0.jpg, 0.depth, 0.conf and so on. In the metadata: w and h, K (3 x 3,
-column after column) and, of newer versions, perFrameIntrinsicCoeffs (fx, fy, cx, cy), of pictures of w x h;
-poses as qx, qy, qz, qw, x, y, z, camera to world, of cameras that look along -z with y up (as nerfstudio 1.1
-has it in `record3d_utils.py`). Depth and confidence are packed as LZFSE, for which nothing here has a
-decoder: they are left aside.
+A zip with `metadata` (JSON) and rgbd/0.jpg, 0.depth, 0.conf and so on. The metadata has, for pictures of w x
+h, K (3 x 3, column by column) and, in newer versions, perFrameIntrinsicCoeffs (fx, fy, cx, cy). Poses are qx,
+qy, qz, qw, x, y, z, camera to world, of cameras that look along -z with y up (`record3d_utils.py` of
+nerfstudio 1.1). Depth and confidence are packed as LZFSE, for which there is no decoder here, and are
+ignored.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ FORMAT = "Record3D"
 METADATA = "metadata"
 PICTURE = re.compile(r"rgbd/(\d{1,9})\.(jpg|jpeg|png)")
 MOST_METADATA, MOST_PICTURE = 2**28, 2**27
-"""Bytes of each."""
+"""Bytes."""
 DIGITS = 3
-"""Of a pixel, to which frames' lenses are told apart: the phone's focus moves them all the time."""
+"""Digits of a pixel that distinguish the lenses of frames: the phone's focus changes constantly."""
 NO_DEPTH = "the recording's depth is packed as LZFSE, which cannot be read here: poses and pictures are taken"
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, KeyError)
 
 
 def recognises(path: Path) -> bool:
-    """Whether a file is such an archive; False where it cannot be read."""
+    """Return whether a file is a Record3D archive."""
     try:
         with open_regular(path) as file, zipfile.ZipFile(file) as archive:
             names = archive.namelist()
@@ -49,11 +49,7 @@ def recognises(path: Path) -> bool:
 
 
 def clip(path: Path) -> Path:
-    """The recording's pictures as a clip: unpacked beside it into a folder of their own, or as they are
-    there.
-
-    UserError where another folder has that name, or nothing can be written.
-    """
+    """Return the folder of pictures, unpacked beside the recording; raises UserError if it is taken."""
     folder = path.with_name(f"{path.stem}_frames")
     try:
         with open_regular(path) as file, zipfile.ZipFile(file) as archive:
@@ -79,10 +75,7 @@ def clip(path: Path) -> Path:
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
-    """The cameras of a recording; the file says its own size.
-
-    UserError naming what is not as expected.
-    """
+    """Read the cameras of a recording; the file has its own size."""
     try:
         with open_regular(path) as file, zipfile.ZipFile(file) as archive:
             said = json.loads(_unpacked(archive, archive.getinfo(METADATA), MOST_METADATA))
@@ -105,11 +98,11 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
 
 
 def write_depth(path: Path, folder: Path) -> None:
-    """None: nothing here unpacks LZFSE."""
+    """Return None: LZFSE cannot be unpacked."""
 
 
 def _lenses(said: dict[str, Any], count: int, place: str) -> np.ndarray:
-    """(count, 4) focal lengths and principal points in pixels."""
+    """Return (count, 4) focal lengths and principal points in pixels."""
     if said.get("perFrameIntrinsicCoeffs"):
         each = finite(
             said["perFrameIntrinsicCoeffs"], (-1, 4), f"{place}, perFrameIntrinsicCoeffs", "4 numbers"
@@ -121,7 +114,7 @@ def _lenses(said: dict[str, Any], count: int, place: str) -> np.ndarray:
 
 
 def _pictures(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
-    """By the file's name in the clip, which sorts as the frames do, what it is unpacked from."""
+    """Return archive members by file name in the clip, sorted by frame."""
     found = {}
     for member in archive.infolist():
         if match := PICTURE.fullmatch(member.filename):

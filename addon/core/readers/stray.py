@@ -1,10 +1,10 @@
-"""Stray Scanner's folder: a phone's video with ARKit's poses, in metres, and the depth of its LiDAR.
+"""Stray Scanner's folder: a phone's video with ARKit's poses in metres and the depth of its LiDAR.
 
-rgb.mp4; odometry.csv with a line of names (timestamp, frame, x, y, z, qx, qy, qz, qw, and of newer versions
-fx, fy, cx, cy); camera_matrix.csv (3 x 3), of the video's pixels; depth/000000.png, millimetres of 256 x 192;
-confidence/000000.png, 0 to 2. The app turns ARKit's cameras so that they look along +z with y down
-(`OdometryEncoder.swift` of strayrobots/scanner: q_WA * q_AC). Older versions write no line of names and
-neither timestamp nor frame.
+rgb.mp4; odometry.csv with a header (timestamp, frame, x, y, z, qx, qy, qz, qw, in newer versions also fx, fy,
+cx, cy); camera_matrix.csv (3 x 3) in the video's pixels; depth/000000.png, millimetres at 256 x 192;
+confidence/000000.png, 0 to 2. The app turns ARKit's cameras to look along +z with y down
+(`OdometryEncoder.swift` of strayrobots/scanner: q_WA * q_AC). Older versions write no header, timestamp and
+frame.
 """
 
 from __future__ import annotations
@@ -27,32 +27,29 @@ FORMAT = "Stray Scanner"
 ODOMETRY, MATRIX, VIDEO = "odometry.csv", "camera_matrix.csv", "rgb.mp4"
 OLD = ("x", "y", "z", "qx", "qy", "qz", "qw")
 MOST = 2**28
-"""Bytes of a table."""
+"""Most bytes of a table."""
 SURE = 2
-"""The highest of the phone's levels of confidence."""
+"""The phone's highest level of confidence."""
 ENOUGH = 0.5
-"""Confidence of depth that is taken for depth: the phone's "medium". As StrayVisualizer has it."""
+"""Least confidence of valid depth: the phone's "medium", as in StrayVisualizer."""
 DIGITS = 3
-"""Of a pixel, to which frames' lenses are told apart: the phone's focus moves them all the time."""
+"""Digits of a pixel that distinguish the lenses of frames: the phone's focus changes constantly."""
 
 
 def recognises(path: Path) -> bool:
-    """Whether a folder is such a recording."""
+    """Return whether a folder is a Stray Scanner recording."""
     return is_regular(path / ODOMETRY) and is_regular(path / MATRIX)
 
 
 def clip(path: Path) -> Path:
-    """The recording's own clip; UserError where it is gone."""
+    """Return the recording's video; raises UserError if it is missing."""
     if not is_regular(path / VIDEO):
         raise UserError(f"{path / VIDEO} is missing; a recording of Stray Scanner has its video beside it")
     return path / VIDEO
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
-    """The cameras of a recording whose video has a size (width, height) in pixels.
-
-    UserError naming the line that is not what was expected.
-    """
+    """Read the cameras of a recording with a video of `size`; see `Reader.read`."""
     columns, table = _table(path / ODOMETRY)
     at = {name: table[:, column] for column, name in enumerate(columns)}
     if missing := [name for name in OLD if name not in at]:
@@ -76,8 +73,10 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
 
 
 def depth(path: Path, frame: int) -> tuple[Floats, Floats] | None:
-    """What the phone's LiDAR measured at a frame, from 0: metres (h, w), NaN where nothing was, and
-    confidence (h, w) from 0 to 1; None where there is no file of it. UserError where that is damaged."""
+    """Return LiDAR depth in metres (h, w), NaN if unmeasured, and confidence (h, w) in [0, 1].
+
+    `frame` counts from 0. Returns None without a file; raises UserError if it is damaged.
+    """
     file, sure = (path / folder / f"{frame:06d}.png" for folder in ("depth", "confidence"))
     if not is_regular(file):
         return None
@@ -92,9 +91,11 @@ def depth(path: Path, frame: int) -> tuple[Floats, Floats] | None:
 
 
 def write_depth(path: Path, folder: Path) -> Path | None:
-    """Write what the LiDAR measured as depth maps of the recording's clip, 16-bit PNG in millimetres, 0 where
-    its confidence is below the middle; the folder, as it is where it is there, None where nothing was
-    measured. UserError where it cannot be written."""
+    """Write the LiDAR's depth as maps of the clip, 16-bit PNG in mm, 0 for low confidence.
+
+    Returns the folder, unchanged if it exists, or None without measurements. Raises UserError if it cannot be
+    written.
+    """
     measured = sorted(int(file.stem) for file in (path / "depth").glob("*.png") if file.stem.isdecimal())
     if folder.exists() or not measured:
         return folder if folder.exists() else None
@@ -107,7 +108,7 @@ def write_depth(path: Path, folder: Path) -> Path | None:
                 for frame in measured:
                     metres, confidence = depth(path, frame) or (np.zeros((1, 1)), np.zeros((1, 1)))
                     sure = np.where(confidence >= ENOUGH, metres * 1000, 0).round().astype(np.uint16)
-                    # Maps are numbered as the video's frames are, from 1.
+                    # Maps are numbered from 1, as the video's frames are.
                     (part / f"{frame + 1:06d}.png").write_bytes(cv2.imencode(".png", sure)[1].tobytes())
                 part.rename(folder)
             finally:
@@ -118,7 +119,7 @@ def write_depth(path: Path, folder: Path) -> Path | None:
 
 
 def _table(path: Path) -> tuple[list[str], Floats]:
-    """The names of a table's columns and its numbers (rows, columns), NaN where a cell is empty."""
+    """Read a table's column names and numbers (rows, columns), NaN for empty cells."""
     try:
         text = read_regular(path, MOST)
     except OSError as error:

@@ -1,9 +1,9 @@
-"""transforms.json of nerfstudio and instant-ngp, which many converters write: cameras without points.
+"""transforms.json of nerfstudio, instant-ngp and many converters: cameras without points.
 
-Camera-to-world matrices of cameras that look along -z with y up; the centre of the first pixel is at (0.5,
-0.5). Size, focal lengths, principal point and distortion stand at the top, for all frames, or in a frame for
-it alone; instant-ngp may give the angle of view instead, and names no camera model. Layout: nerfstudio 1.1
-(docs.nerf.studio, "Data conventions", and its cameras.py), instant-ngp's docs/nerf_dataset_tips.md.
+Matrices are camera-to-world, of cameras that look along -z with y up; the first pixel's centre is (0.5, 0.5).
+Size, focal lengths, principal point and distortion are at the top for all frames, or in a single frame;
+instant-ngp may give the angle of view instead, and no camera model. Layout: nerfstudio 1.1 (docs.nerf.studio,
+"Data conventions", and its cameras.py), instant-ngp's docs/nerf_dataset_tips.md.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from .poses import OPENGL, cameras, finite, lens
 
 FORMAT = "transforms.json"
 LONGEST = 2**30
-"""Bytes of a file."""
+"""Most bytes of a file."""
 START = 2**16
-"""Bytes of a file that are looked at to recognise it."""
+"""Bytes read to recognise a file."""
 FISHEYE, PERSPECTIVE = "OPENCV_FISHEYE", "OPENCV"
 MODELS = {
     "": PERSPECTIVE, "SIMPLE_PINHOLE": PERSPECTIVE, "PINHOLE": PERSPECTIVE, "SIMPLE_RADIAL": PERSPECTIVE,
     "RADIAL": PERSPECTIVE, "OPENCV": PERSPECTIVE, "PERSPECTIVE": PERSPECTIVE,
     "OPENCV_FISHEYE": FISHEYE, "FISHEYE": FISHEYE,
 }  # fmt: skip
-"""What `camera_model` may be, as COLMAP, nerfstudio and its converters call it."""
+"""Values of `camera_model` in COLMAP, nerfstudio and its converters."""
 
 
 def recognises(path: Path) -> bool:
-    """Whether a file is JSON with frames and their matrices; False where it cannot be read."""
+    """Return whether a file is JSON with frames and their matrices."""
     if path.suffix.lower() != ".json":
         return False
     try:
@@ -48,10 +48,7 @@ def recognises(path: Path) -> bool:
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
-    """The cameras of a file, of pictures of `size` (width, height) where it names none.
-
-    UserError naming the frame that is not what was expected.
-    """
+    """Read the cameras of a file; `size` is for files without one. See `Reader.read`."""
     whole = _contents(path)
     frames = whole.get("frames")
     if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
@@ -85,8 +82,6 @@ def _contents(path: Path) -> dict[str, Any]:
 
 
 def _lens(place: str, said: Mapping[str, Any], size: tuple[int, int]) -> Intrinsics:
-    """What is said of a frame's lens."""
-
     def number(name: str, otherwise: float) -> float:
         value = said.get(name)
         return otherwise if value is None else float(finite(value, (), place, f"one number as {name}"))

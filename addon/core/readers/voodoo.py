@@ -1,9 +1,10 @@
 """The Voodoo camera tracker's text export.
 
-A camera has 28 numbers: C A H V (position, viewing direction, and the other two axes with focal length and
-principal point in them), K3 K5, pixel size, picture size, principal point, focal length in mm, field of view
-and the two axes alone. A point is x = H(X - C) / A(X - C) + (W - 1) / 2, y likewise with V, where 0 is the
-centre of the first pixel (the file's own header; CAHV: Yakimovsky and Cunningham, 1978). The axes are ours.
+A camera has 28 numbers: C A H V (position, viewing direction, and the other two axes, which include focal
+length and principal point), K3 K5, pixel size, picture size, principal point, focal length in mm, field of
+view and the two plain axes. A point projects to x = H(X - C) / A(X - C) + (W - 1) / 2, y likewise with V,
+where 0 is the centre of the first pixel (the file's own header; CAHV: Yakimovsky and Cunningham, 1978). The
+axes are ours.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from .parsing import Text
 FORMAT = "Voodoo text export"
 NUMBERS = 28
 MOST_SIGHTINGS = 10_000_000
-"""Points times frames that are looked at; of more, every frame gets its share of the points."""
+"""Most points times frames; beyond it, every frame gets its share of the points."""
 LARGEST_PICTURE = 1_000_000
 DIGITS = 6
-"""Of a pixel."""
+"""Digits of a pixel."""
 
 
 def recognises(path: Path) -> bool:
-    """Whether a file is Voodoo's export, by its first line; False where it cannot be read."""
+    """Return whether a file is Voodoo's export, by its first line."""
     try:
         with open_regular(path) as file:
             start = file.read(1000).removeprefix(b"\xef\xbb\xbf").lstrip()
@@ -41,11 +42,7 @@ def recognises(path: Path) -> bool:
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
-    """Read the cameras and points of an export; the file says its pictures' size itself.
-
-    It has no 2D tracks, so a frame's features are where its points project. Raises UserError naming the line
-    that is not what was expected.
-    """
+    """Read an export without 2D tracks: features are the projections of points. See `Reader.read`."""
     text = Text(path)
     if not re.match(r"#\s*text export", text.demand("'# Text export'"), re.IGNORECASE):
         raise text.wrong("'# Text export', the first line of Voodoo's text export")
@@ -108,7 +105,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
 
 
 def _camera(text: Text, values: Floats) -> tuple[Intrinsics, Floats, float]:
-    """Lens, rotation, and by how many pixels its converted distortion misses, from a camera's 28 numbers."""
+    """Return lens, rotation, and the error of the converted distortion in pixels, from 28 numbers."""
     axis, across, down = values[3:6], values[6:9], values[9:12]
     width, height = values[16:18]
     if not (
@@ -129,7 +126,7 @@ def _camera(text: Text, values: Floats) -> tuple[Intrinsics, Floats, float]:
         raise problem
     rotation = rotation_from(np.stack([across / fx, down / fy, axis]), problem)
     centre = offset + values[16:18] / 2
-    # The same lens differs in the last of its printed digits from frame to frame.
+    # The last printed digits of one lens vary from frame to frame.
     place = np.round([fx, fy, *centre], DIGITS).tolist()
     camera = Intrinsics.from_parameters("PINHOLE", int(width), int(height), place)
     k3, k5, focal = values[12], values[13], values[20]
@@ -144,7 +141,7 @@ def _camera(text: Text, values: Floats) -> tuple[Intrinsics, Floats, float]:
 
 
 def _points(text: Text) -> Floats:
-    """(m, 3) positions from all lines that are left."""
+    """Read (m, 3) positions from the remaining lines."""
     numbers = text.numbers()
     per_line = np.diff(numbers.ends, prepend=0)
     wrong = np.flatnonzero((per_line != 0) & (per_line != 3))
