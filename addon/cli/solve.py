@@ -155,8 +155,10 @@ def solve_clip(
     check: Callable[[Footage], object] = lambda _: None,
     depth_maps: Path | None = None,
 ) -> Solve:
-    """Solve the clip into the folder, or take the solve that is there. `check` is given the clip first, and
-    what it raises ends the solve; `depth_maps` are the user's."""
+    """Solve the clip into the folder, or take the solve that is there.
+
+    `check` is given the clip first, and what it raises ends the solve; `depth_maps` are the user's.
+    """
     process = SolveProcess(
         options.footage, work.absolute(), options.solve_frames, _focal(options), options.again,
         options.tracker, options.zoom, depth_maps=depth_maps, stills=options.stills,

@@ -33,8 +33,10 @@ def add_focus_subject(command: argparse.ArgumentParser) -> None:
 
 
 def subjects_of(options: argparse.Namespace, frame: int) -> tuple[MarkedSubject, ...]:
-    """The subjects that strokes mark; one that names no frame is in `frame`. UserError for a stroke that is
-    not understood."""
+    """The subjects that strokes mark; one that names no frame is in `frame`.
+
+    UserError for a stroke that is not understood.
+    """
     strokes = dict[str, list[Stroke]]()
     for words in options.subject or ():
         name, stroke = _stroke(words, frame)

@@ -15,8 +15,10 @@ ENDS = b"ENDB", b"\xb1\xea\x92\x8f"
 
 
 def write_blend(blend: Path) -> None:
-    """Write what is open as a .blend, whole or not at all; its paths are relative. UserError where it cannot
-    be written."""
+    """Write what is open as a .blend, whole or not at all; its paths are relative.
+
+    UserError where it cannot be written.
+    """
     with atomic.staged(blend) as part:
         try:
             with quiet(1):

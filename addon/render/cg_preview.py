@@ -81,8 +81,11 @@ def wanted(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> CGWanted | Non
 
 
 def draw_preview(asked: CGWanted | None, waits: bool) -> DrawCG | None:
-    """What draws the CG objects of a picture of the preview; None where there are none. Where it does not
-    wait for Cycles it gives those that were drawn last at this frame, of any size, if there are some."""
+    """What draws the CG objects of a picture of the preview; None where there are none.
+
+    Where it does not wait for Cycles it gives those that were drawn last at this frame, of any size, if there
+    are some.
+    """
     if asked is None:
         return None
 

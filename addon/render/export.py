@@ -45,8 +45,10 @@ class Exported:
 
 
 def planned(scene: bpy.types.Scene, what: str, frames: Sequence[int], folder: Path) -> list[Exported]:
-    """What an export of frames of a scene's clip into a folder will write. A lens that stays the same has one
-    pair of STMaps."""
+    """What an export of frames of a scene's clip into a folder will write.
+
+    A lens that stays the same has one pair of STMaps.
+    """
     return (_layers if what == LAYERS else _stmaps)(scene, frames, folder)
 
 

@@ -53,8 +53,10 @@ def seal(path: Path) -> None:
 
 
 def key_of(path: Path) -> str | None:
-    """The key of what a picture says it was made from; None where it has none. UserError where it is no
-    file."""
+    """The key of what a picture says it was made from; None where it has none.
+
+    UserError where it is no file.
+    """
     try:
         with open_regular(path) as file:
             found = _NOTE.search(file.read(HEADER))
@@ -65,7 +67,9 @@ def key_of(path: Path) -> str | None:
 
 def is_changed(path: Path) -> bool:
     """Whether a picture that has a key is not, to the byte, what was written with it; all of it is read.
-    UserError where it cannot be."""
+
+    UserError where it cannot be.
+    """
     try:
         data = read_regular(path)
     except OSError as error:

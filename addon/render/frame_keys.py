@@ -23,8 +23,10 @@ objects: they are not looked into, so it says which run, or file, they are of.""
 
 
 def run_key(scene: bpy.types.Scene) -> str:
-    """64 hexadecimal digits of all that the pictures of a scene's clip depend on, whichever frame. A keyed
-    lens is that of the clip's first frame. Shows that frame."""
+    """64 hexadecimal digits of all that the pictures of a scene's clip depend on, whichever frame.
+
+    A keyed lens is that of the clip's first frame. Shows that frame.
+    """
     return _with_lens(scene, _clip_key(scene), shot_of(scene).footage.frames[0])
 
 

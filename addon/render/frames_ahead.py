@@ -165,8 +165,10 @@ class FramesAhead:
         return made
 
     def frame(self, frame: int) -> DrawnFrame | None:
-        """A frame that another process has drawn or is drawing; None where it is to be drawn here. Passes
-        checkpoints."""
+        """A frame that another process has drawn or is drawing; None where it is to be drawn here.
+
+        Passes checkpoints.
+        """
         if self._last is not None and self._last[0] == frame:
             # Each view layer of a scene asks for it.
             return self._last[1]

@@ -273,7 +273,9 @@ def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str, st
 def render_movie(
     scene: bpy.types.Scene, frames: list[int], out: Path, report: Report, draw: Draw | None = None
 ) -> None:
-    """Render a movie with the clip's rate, sound and dynamic range. A gap in the clip holds the frame before.
+    """Render a movie with the clip's rate, sound and dynamic range.
+
+    A gap in the clip holds the frame before.
 
     The frames are kept beside it as pictures until the movie is whole, so that an equal run goes on where
     this one stopped.

@@ -176,8 +176,10 @@ class Preview:
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Within it nothing is made: somebody else works with the clip. Waits for the end of what is under
-        way, which is cancelled."""
+        """Within it nothing is made: somebody else works with the clip.
+
+        Waits for the end of what is under way, which is cancelled.
+        """
         with self._changed:
             self._pauses += 1
         try:

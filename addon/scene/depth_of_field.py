@@ -105,8 +105,11 @@ _assumes = True
 
 @contextmanager
 def by_given_scale() -> Iterator[None]:
-    """Within it an f-stop is set only where the scale is given. Presets tell a blur besides: that of their
-    own lens, where an assumed scale would have the f-stop of a long lens blur as little as on a short one."""
+    """Within it an f-stop is set only where the scale is given.
+
+    Presets tell a blur besides: that of their own lens, where an assumed scale would have the f-stop of a
+    long lens blur as little as on a short one.
+    """
     global _assumes
     _assumes = False
     try:

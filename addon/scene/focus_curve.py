@@ -24,8 +24,10 @@ GROUP = "Focus"
 def write(
     settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark], unseen: Sequence[int]
 ) -> dict[int, float]:
-    """Make the curve of marks, in place of the one that is there; the distances by frame. At frames `unseen`
-    a mark is carried that they do not show."""
+    """Make the curve of marks, in place of the one that is there; the distances by frame.
+
+    At frames `unseen` a mark is carried that they do not show.
+    """
     own = {mark.frame for mark in marks}
     frames = sorted(own | set(range(settings.clip_first, settings.clip_last + 1)))
     distances = pull(marks, reconstruction_of(settings), frames)

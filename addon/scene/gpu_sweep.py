@@ -31,8 +31,10 @@ type Texture = gpu.types.GPUTexture
 
 
 def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map) -> Winners:
-    """As `matching.winning_levels`; passes checkpoints. Needs a GPU context; RuntimeError or SystemError
-    where the GPU cannot."""
+    """As `matching.winning_levels`; passes checkpoints.
+
+    Needs a GPU context; RuntimeError or SystemError where the GPU cannot.
+    """
     sweep = _Sweep(picture, sorted(views, key=lambda view: view.side), levels, guide, known)
     return draw(sweep.steps(), sweep.count)
 

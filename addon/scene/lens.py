@@ -205,8 +205,10 @@ def blur_now(settings: bpy.types.PropertyGroup, stored: float) -> float:
 
 
 def on_blur(settings: bpy.types.PropertyGroup) -> None:
-    """The blur was edited: it says, with the present focus at the present frame, what the radius is. The
-    number that was shown, typed again, changes nothing."""
+    """The blur was edited: it says, with the present focus at the present frame, what the radius is.
+
+    The number that was shown, typed again, changes nothing.
+    """
     now = _blur_at(settings, _frame(settings)) if has_radius(settings) else None
     if now is not None and _is_as_shown(settings.blur, now):
         return

@@ -27,7 +27,9 @@ def show(thing: bpy.types.Object, shown: bool) -> None:
 
 def make_hidden(thing: bpy.types.Object) -> None:
     """Leave no vertex to draw in Object Mode, unless `show` was told otherwise: they would lie over the clip.
-    The object itself stays visible, because Tab edits no hidden one, and in Edit Mode all are there."""
+
+    The object itself stays visible, because Tab edits no hidden one, and in Edit Mode all are there.
+    """
     # The mesh keeps the groups, and loses them when it is filled anew.
     if HIDDEN not in thing.vertex_groups:
         thing.vertex_groups.new(name=HIDDEN)

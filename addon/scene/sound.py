@@ -76,7 +76,9 @@ def sound_file(sound: bpy.types.Sound) -> Iterator[Path]:
 
 
 def sound_frame(footage: Footage) -> int:
-    """The frame of the timeline at which a clip's sound begins. Strips lie at whole frames.
+    """The frame of the timeline at which a clip's sound begins.
+
+    Strips lie at whole frames.
 
     The clip's first picture is frame 1, whatever range is rendered.
     """

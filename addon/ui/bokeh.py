@@ -58,8 +58,10 @@ def preset_icon(file: Path) -> int:
 
 
 def preset_aperture(file: Path) -> Aperture:
-    """The aperture that a preset sets, which is read and not run. Raises OSError, SyntaxError, ValueError,
-    TypeError and UserError for a file that is none."""
+    """The aperture that a preset sets, which is read and not run.
+
+    Raises OSError, SyntaxError, ValueError, TypeError and UserError for a file that is none.
+    """
     return _read(file, file.stat().st_mtime_ns)
 
 

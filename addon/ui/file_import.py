@@ -26,8 +26,10 @@ MODELS = (".bin", ".txt", ".out", ".nvm", ".json", ".npz", ".r3d")
 
 
 class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, operators.Solves, bpy.types.Operator):  # noqa: N801
-    """Choose a video, any image of a sequence, or a folder of images, and solve it. If it has been solved
-    before, that solve is loaded"""
+    """Choose a video, any image of a sequence, or a folder of images, and solve it.
+
+    If it has been solved before, that solve is loaded
+    """
 
     bl_idname = "virtual_aperture.import_clip"
     # Blender shows it where other handlers take the file, too.

@@ -153,8 +153,10 @@ class VIRTUAL_APERTURE_OT_jump_to_focus_mark(bpy.types.Operator):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
-    """Go to the next frame in which the thing in focus is hidden. Its distance is estimated there; pick it
-    again if it is off"""
+    """Go to the next frame in which the thing in focus is hidden.
+
+    Its distance is estimated there; pick it again if it is off
+    """
 
     bl_idname = "virtual_aperture.jump_to_unseen"
     bl_label = "Next Frame With Hidden Focus"
@@ -178,8 +180,10 @@ def unseen_frames(settings: bpy.types.PropertyGroup) -> list[int]:
 
 
 class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  # noqa: N801
-    """Replace the keyframes of the focus distance with those of the focus marks. Your edits to them are
-    lost"""
+    """Replace the keyframes of the focus distance with those of the focus marks.
+
+    Your edits to them are lost
+    """
 
     bl_idname = "virtual_aperture.write_focus_marks"
     bl_label = "Restore Focus Mark Keys"

@@ -256,8 +256,10 @@ class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa
 
 
 class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa: N801
-    """Use an animated camera of this scene as the clip's camera. Its motion and lens are kept, and points
-    are found for it"""
+    """Use an animated camera of this scene as the clip's camera.
+
+    Its motion and lens are kept, and points are found for it
+    """
 
     bl_idname = "virtual_aperture.use_scene_camera"
     bl_label = "Use Scene Camera"

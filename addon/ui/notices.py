@@ -30,8 +30,10 @@ def draw_scene(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Another clip than the solved one is chosen, or it is not where the path leads: and the way out. Nothing
-    while a clip is being solved, which is the way out."""
+    """Another clip than the solved one is chosen, or it is not where the path leads: and the way out.
+
+    Nothing while a clip is being solved, which is the way out.
+    """
     if running_solve() is not None:
         return
     trouble = trouble_with(context.scene.virtual_aperture)

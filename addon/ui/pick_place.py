@@ -28,8 +28,7 @@ CLOSE = 25.0
 
 
 class PicksPlaces(PicksInView):
-    """A mixin of operators: `took` is called with each place that was found, `confirm` when Enter is
-    pressed."""
+    """A mixin of operators: `took` is called with each place that was found, `confirm` when Enter is pressed."""
 
     joins = False
     """Whether a line goes from what was picked to the mouse."""

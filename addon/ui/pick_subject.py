@@ -64,8 +64,10 @@ class Shown:
 
 
 class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa: N801
-    """Draw a stroke over a moving subject, or click it. All of it lights up, and is marked in all frames.
-    Shift extends it, Ctrl takes parts away"""
+    """Draw a stroke over a moving subject, or click it.
+
+    All of it lights up, and is marked in all frames. Shift extends it, Ctrl takes parts away
+    """
 
     bl_idname = "virtual_aperture.pick_subject"
     bl_label = "Pick Subject"

@@ -20,8 +20,10 @@ class Work[T]:
     def __init__(
         self, function: Callable[[], T], after: Work[Any] | None = None, pauses_preview: bool = True
     ) -> None:
-        """It begins once the work `after` has ended. Only what shares nothing with the preview may leave that
-        running."""
+        """It begins once the work `after` has ended.
+
+        Only what shares nothing with the preview may leave that running.
+        """
         self._pauses_preview = pauses_preview
         self.stage = ""
         self.error: BaseException | None = None

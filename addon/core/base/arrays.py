@@ -25,8 +25,9 @@ LinearRGB = NDArray[np.float32]
 
 
 def in_channels(values: Map, count: int) -> Map:
-    """(h, w, count) values (h, w) in every channel. NumPy takes several times as long to combine a picture
-    with `values[..., None]`: pixel by pixel.
+    """(h, w, count) values (h, w) in every channel.
+
+    NumPy takes several times as long to combine a picture with `values[..., None]`: pixel by pixel.
 
     >>> in_channels(np.ones((2, 3), np.float32), 4).shape
     (2, 3, 4)

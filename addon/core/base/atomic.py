@@ -36,8 +36,11 @@ def owned_name(prefix: str) -> str:
 
 @contextmanager
 def owned(folder: Path, prefix: str) -> Iterator[str]:
-    """A name for something unfinished in a folder, to be followed by - and more if need be. While it lasts,
-    `collect_orphans` leaves it alone, whoever asks. Raises OSError where nothing can be written there."""
+    """A name for something unfinished in a folder, to be followed by - and more if need be.
+
+    While it lasts, `collect_orphans` leaves it alone, whoever asks. Raises OSError where nothing can be
+    written there.
+    """
     name = owned_name(prefix)
     with FileLock(folder / f"{name}{LOCK}", UserError):
         yield name

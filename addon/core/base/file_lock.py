@@ -95,8 +95,10 @@ class FileLock:
 
 
 def is_abandoned(lock: Path, table: str, pid: int) -> bool:
-    """Whether whoever had a lock file has ended for certain: nobody has the lock. Where that is not known,
-    whether the process of that number, in a table by `process_table`, is gone."""
+    """Whether whoever had a lock file has ended for certain: nobody has the lock.
+
+    Where that is not known, whether the process of that number, in a table by `process_table`, is gone.
+    """
     try:
         file = os.open(lock, os.O_RDWR) if is_regular(lock) else None
     except OSError:

@@ -130,8 +130,10 @@ class Job:
             self._listening.join(seconds)
 
     def leave(self, then: Callable[[], object] | None = None) -> None:
-        """End the process, without waiting for that, and call `then` in a thread once it has ended. Harmless
-        where it is not running."""
+        """End the process, without waiting for that, and call `then` in a thread once it has ended.
+
+        Harmless where it is not running.
+        """
         if self.is_running:
             self.is_running, self.is_cancelled = False, True
             end_meanwhile([self], then)
@@ -165,8 +167,10 @@ def end(jobs: Sequence[Job], patience: float = PATIENCE) -> None:
 
 
 def end_meanwhile(jobs: Sequence[Job], then: Callable[[], object] | None) -> threading.Thread:
-    """`end` processes in a thread, which is returned, and call `then` there once they have ended. Blender's
-    own end waits for `then`."""
+    """`end` processes in a thread, which is returned, and call `then` there once they have ended.
+
+    Blender's own end waits for `then`.
+    """
 
     def leave() -> None:
         end(jobs)

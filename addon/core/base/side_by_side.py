@@ -10,8 +10,9 @@ from .progress import in_this_scope
 
 
 def side_by_side[T, R](work: Callable[[T], R], things: Iterable[T]) -> list[R]:
-    """What `work` returns of each thing, in their order. Checkpoints in it are those of the caller; the first
-    error ends it.
+    """What `work` returns of each thing, in their order.
+
+    Checkpoints in it are those of the caller; the first error ends it.
 
     Where one thread is all there may be, that is the caller: handing a thing to another takes 0.1 ms.
 

@@ -12,8 +12,10 @@ older ones, and installs a wheel without looking at it."""
 
 
 def check_system(macos: str | None = None) -> None:
-    """UserError where the system is too old. `macos` is its release, such as 14.5, empty for other systems;
-    by default this one's."""
+    """UserError where the system is too old.
+
+    `macos` is its release, such as 14.5, empty for other systems; by default this one's.
+    """
     release = platform.mac_ver()[0] if macos is None else macos
     if release and int(release.split(".")[0]) < MACOS:
         raise UserError(

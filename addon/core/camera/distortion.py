@@ -292,8 +292,7 @@ class RollingShutter:
         return np.asarray(np.linalg.solve(held, by_ahead @ columns))
 
     def undistort(self, rays: Floats) -> Floats:
-        """Rays (..., 2) that `distort` moves to rays (..., 2), whose time is known; NaN where there are
-        none."""
+        """Rays (..., 2) that `distort` moves to rays (..., 2), whose time is known; NaN where there are none."""
         when = self._when(rays)
         for stage in reversed(self.lens):
             rays = stage.undistort(rays)

@@ -77,7 +77,9 @@ class Points:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """What structure from motion found. `images` is ordered by frame number.
+    """What structure from motion found.
+
+    `images` is ordered by frame number.
 
     Its unit of length is that of the model it was read from, such as metres; of a solve of our own it is
     what `normalise` makes it. Focus distances and aperture radii are in the same unit everywhere.

@@ -156,7 +156,9 @@ def completed(depth: DenseDepth, given: Map) -> DenseDepth:
 @dataclass(frozen=True)
 class CompletedDepth(DepthSource):
     """Depth that stereo finds, with maps for what it is not sure of; of a frame without a map stereo's alone.
-    Errors as of both."""
+
+    Errors as of both.
+    """
 
     stereo: StereoDepth
     maps: DepthSource

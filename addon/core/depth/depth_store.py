@@ -216,8 +216,10 @@ class DepthStore:
 
     @contextlib.contextmanager
     def _claimed(self, name: str) -> Iterator[bool]:
-        """Keep other processes from making a file meanwhile; whether none of them is at it. Where that cannot
-        be told each makes its own."""
+        """Keep other processes from making a file meanwhile; whether none of them is at it.
+
+        Where that cannot be told each makes its own.
+        """
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             lock = FileLock(self._folder / f"{name}.lock", UserError, patience=0)
@@ -288,8 +290,10 @@ def kept_size(folder: Path) -> int:
 
 
 def delete_kept(folder: Path) -> int:
-    """Delete the kept depth in a folder, of all keys, and nothing else; how many bytes that frees. OSError
-    where a file cannot be deleted."""
+    """Delete the kept depth in a folder, of all keys, and nothing else; how many bytes that frees.
+
+    OSError where a file cannot be deleted.
+    """
     freed = 0
     for each in _folders(folder):
         freed += _delete(each)

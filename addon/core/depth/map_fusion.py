@@ -78,8 +78,11 @@ BEYOND = 0.1
 
 @dataclass(frozen=True)
 class FusionOptions:
-    """Fusion of frames and the fill where they know nothing. Depths are compared in levels: 1 / `LEVELS` of
-    the range of inverse depths, from the 1st to the 99th percentile."""
+    """Fusion of frames and the fill where they know nothing.
+
+    Depths are compared in levels: 1 / `LEVELS` of the range of inverse depths, from the 1st to the 99th
+    percentile.
+    """
 
     step: int = 4
     """Every so many-th registered frame helps those around it, the same ones for frames that follow each

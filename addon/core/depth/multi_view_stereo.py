@@ -59,8 +59,11 @@ BLIND_PARALLAX = 0.3
 
 @dataclass(frozen=True)
 class StereoOptions:
-    """Dense depth of a single frame. Set by eye, then judged together on the scenes with true depth by
-    `python -m benchmarks.accuracy.dense_depth`."""
+    """Dense depth of a single frame.
+
+    Set by eye, then judged together on the scenes with true depth by `python -m
+    benchmarks.accuracy.dense_depth`.
+    """
 
     long_side: int = 960
     """Pixels of the longer side that is worked at. Past it, time and memory grow and a blur gains little."""
@@ -72,8 +75,11 @@ class StereoOptions:
     """How the neighbours are chosen."""
 
     def of_photos(self) -> StereoOptions:
-        """The same for photos in no order. Where they stand far apart, a level is a step of many pixels and
-        what is nearer than all points is found by chance: kermit (real data) has no depth otherwise."""
+        """The same for photos in no order.
+
+        Where they stand far apart, a level is a step of many pixels and what is nearer than all points is
+        found by chance: kermit (real data) has no depth otherwise.
+        """
         levels = self.levels[0], PHOTO_LEVELS
         return replace(
             self, levels=levels, probe_share=1.0, selection=replace(self.selection, frame_penalty=0.0)

@@ -246,8 +246,10 @@ class ClipContext:
 
     @cached_property
     def own_lens(self) -> OwnLens | None:
-        """The lens that the clip was filmed through; None where it has no depth of field. UserError where a
-        frame cannot be read."""
+        """The lens that the clip was filmed through; None where it has no depth of field.
+
+        UserError where a frame cannot be read.
+        """
         return own_lens(self.reconstruction, self.read)
 
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:

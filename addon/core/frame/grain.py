@@ -66,7 +66,9 @@ def _smaller(warped: WarpedFrame) -> WarpedFrame:
 def grained(
     picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: float, source: LinearRGBA
 ) -> LinearRGBA:
-    """Add the noise that a picture lacks. What lost nothing is not changed.
+    """Add the noise that a picture lacks.
+
+    What lost nothing is not changed.
 
     Args:
         picture: (H, W, 4) frame through the lens.

@@ -152,8 +152,10 @@ class ClipHighlights:
         return [(other, weight) for other, weight in around if weight > 0]
 
     def _lamps(self, frames: list[int]) -> dict[int, Lamps]:
-        """The highlights of frames: as they are remembered or kept, else found. What another process is
-        finding is left to it."""
+        """The highlights of frames: as they are remembered or kept, else found.
+
+        What another process is finding is left to it.
+        """
 
         def find(frame: int) -> Lamps:
             return lamps(clipped_blobs(to_linear(self._read(frame)), self._threshold))
@@ -189,8 +191,7 @@ class ClipHighlights:
         return total, evidence, tint
 
     def _matches(self, here: Image, own: Blobs, other: Image, theirs: Lamps) -> tuple[Indices, Indices]:
-        """Which of a frame's highlights, by number (m,), are which of another's (m,): both each other's
-        best."""
+        """Which of a frame's highlights, by number (m,), are which of another's (m,): both each other's best."""
         camera, there = self._rec.intrinsics(here), self._rec.intrinsics(other)
         size = (np.array([each.width, each.height]) for each in (camera, there))
         xy, place = (each * pixels for each, pixels in zip((own.centre, theirs.centre), size, strict=True))

@@ -57,8 +57,10 @@ def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dic
 def picture(
     name: str, warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA | None = None
 ) -> Shown | None:
-    """One of `pictures` (H, W, 3), of a name in `NAMES`; None where there is none to make. Only "sources"
-    needs the shares."""
+    """One of `pictures` (H, W, 3), of a name in `NAMES`; None where there is none to make.
+
+    Only "sources" needs the shares.
+    """
     plan, frame = warped.plan, _encoded(source[..., :3])
     match name:
         case "depth":

@@ -67,8 +67,10 @@ def lamps_of(
     name: Callable[[int], str],
     find: Callable[[int], Lamps],
 ) -> dict[int, Lamps]:
-    """What rims tell in frames: as it is kept, else by `find`, and kept. What another process is finding is
-    left to it: see `DepthStore.made`."""
+    """What rims tell in frames: as it is kept, else by `find`, and kept.
+
+    What another process is finding is left to it: see `DepthStore.made`.
+    """
     if store is None:
         return {frame: find(frame) for frame in frames}
 

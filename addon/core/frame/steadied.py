@@ -46,8 +46,7 @@ class Steadied:
 
     @property
     def middle(self) -> Floats:
-        """(2,) x and y of the steadier aperture's middle in the frame's camera space, in radii of
-        `own_lens`."""
+        """(2,) x and y of the steadier aperture's middle in the frame's camera space, in radii of `own_lens`."""
         return np.asarray((-self.rotation.T @ self.translation)[:2] / self.own_lens.radius)
 
     def moved(self, xy: Floats, inverse_depth: Floats) -> tuple[Floats, Floats]:

@@ -134,8 +134,7 @@ class MeshedFrame:
         )  # fmt: skip
 
     def _cg_surfaces(self, count: int, spread: float) -> tuple[CGSurface, ...]:
-        """CG objects made ready for so many views of an aperture whose open part is `spread` of its
-        radius."""
+        """CG objects made ready for so many views of an aperture whose open part is `spread` of its radius."""
         lens, moved = self.geometry.lens, self.steadied
         if moved is not None:
             lens = replace(lens, radius=moved.lens.radius)

@@ -33,7 +33,9 @@ def clip_digest(path: Path) -> str:
 
 
 def is_same_clip(path: Path, wanted: str, at_a_glance: bool = False) -> bool:
-    """Whether a clip has an identity. UserError where it cannot be read.
+    """Whether a clip has an identity.
+
+    UserError where it cannot be read.
 
     With `at_a_glance` a large clip that was not read since it was changed is judged by its size: a panel
     cannot wait for the whole.

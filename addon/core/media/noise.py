@@ -147,7 +147,9 @@ class Noise:
 
 
 def measured(read: Callable[[int], Pixels], frames: Sequence[int]) -> Noise | None:
-    """Measure the noise of a clip. Passes checkpoints.
+    """Measure the noise of a clip.
+
+    Passes checkpoints.
 
     Args:
         read: Function that returns a frame's picture (H, W, 3 or 4) as stored.

@@ -74,15 +74,19 @@ def read_reconstruction(path: Path, footage: Footage) -> Imported:
 
 
 def recorded_clip(path: Path) -> Path | None:
-    """The clip that a recording brings with it; None of what is no recording. UserError where it cannot be
-    had."""
+    """The clip that a recording brings with it; None of what is no recording.
+
+    UserError where it cannot be had.
+    """
     path = Path(path).expanduser()
     return next((reader.clip(path) for reader in RECORDINGS if reader.recognises(path)), None)
 
 
 def recorded_depth(path: Path, work_dir: Path) -> Path | None:
     """The depth maps that a recording brings with it, beside a working folder; None of what has none.
-    UserError where they cannot be written."""
+
+    UserError where they cannot be written.
+    """
     path = Path(path).expanduser()
     folder = work_dir.with_name(f"{work_dir.stem}_lidar")
     found = (reader.write_depth(path, folder) for reader in RECORDINGS if reader.recognises(path))

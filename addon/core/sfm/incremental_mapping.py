@@ -1,4 +1,6 @@
-"""Structure from motion for video. Runs in the worker process only: pycolmap can take its process along.
+"""Structure from motion for video.
+
+Runs in the worker process only: pycolmap can take its process along.
 
 Keyframes first, with the focal length held (COLMAP's defaults fail on short video), by pairs of pictures
 with parallax or, where that explains too little, all at once; then the focal length, as far as the clip

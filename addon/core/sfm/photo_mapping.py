@@ -1,4 +1,6 @@
-"""Cameras and points of photos in no order, by COLMAP's incremental mapping. Worker process only.
+"""Cameras and points of photos in no order, by COLMAP's incremental mapping.
+
+Worker process only.
 
 Photos of one size and focal length share a camera: a focal length and one term of radial distortion, which
 wide angles between the photos determine. Where these are narrow both are held at what is known before.

@@ -256,8 +256,10 @@ def _advice(
     weak: list[int],
     estimated: bool,
 ) -> tuple[str, tuple[Remedy, ...]]:
-    """The one thing that would help most, and where to set it. `wrong` is a reprojection error that cannot
-    be; `estimated` whether the clip shows no depth."""
+    """The one thing that would help most, and where to set it.
+
+    `wrong` is a reprojection error that cannot be; `estimated` whether the clip shows no depth.
+    """
     if wrong is not None:
         return (
             f"the points miss the places where the frames show them by {wrong:.0f} px: these cameras do not"

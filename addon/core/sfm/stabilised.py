@@ -47,8 +47,10 @@ class Shifted:
 
 
 def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> Shifted | None:
-    """Of observations in so many frames of so many points; `loss` in pixels. None where they hang together
-    too little."""
+    """Of observations in so many frames of so many points; `loss` in pixels.
+
+    None where they hang together too little.
+    """
     frame, point, xy = seen.frame, seen.point, seen.xy
     place = np.full((frames, points, 2), np.nan)
     place[frame, point] = xy

@@ -43,8 +43,10 @@ WEAK = 0.18
 
 @dataclass(frozen=True)
 class DepthEvidence:
-    """How much depth a clip shows. Lengths are in pixels of a 1,000-pixel frame, of the `TELLING` percentile
-    of the tracks."""
+    """How much depth a clip shows.
+
+    Lengths are in pixels of a 1,000-pixel frame, of the `TELLING` percentile of the tracks.
+    """
 
     parallax: float
     """What a camera that turns leaves beyond one that moves, both with a lens that zooms and distorts, and

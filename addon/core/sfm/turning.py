@@ -1,4 +1,6 @@
-"""A camera that stays in its place: how it turns, and its focal length. Depth must come from elsewhere.
+"""A camera that stays in its place: how it turns, and its focal length.
+
+Depth must come from elsewhere.
 
 Points lie at one distance from it until they are given another; what parallax a hand leaves is an error.
 """

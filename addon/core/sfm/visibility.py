@@ -114,8 +114,7 @@ class _Search:
         self._counts: dict[int, tuple[int, int]] = {}
 
     def see(self, index: int, gray: Map, zoom: Floats, requested: bool) -> None:
-        """Keep a frame's own patches, look for candidates in it if `requested`, and decide those it
-        decides."""
+        """Keep a frame's own patches, look for candidates in it if `requested`, and decide those it decides."""
         image = self._reconstruction.images[index]
         upright = np.tile(np.eye(2), (len(image.points), 1, 1))
         patch = square(RADIUS)

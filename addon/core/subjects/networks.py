@@ -99,7 +99,7 @@ class Networks:
 
     @property
     def exist(self) -> bool:
-        """Whether the extension was built with them."""
+        """Return whether the extension was built with the networks."""
         return (self._folder / POSE).is_file()
 
     def load(self) -> None:

@@ -84,8 +84,10 @@ class Blobs:
 
 @dataclass(frozen=True)
 class Patches:
-    """The surroundings of k blobs of a picture, of one size (h, w): `USED` pixels or more around each. Past
-    the picture's border they go on as at it."""
+    """The surroundings of k blobs of a picture, of one size (h, w): `USED` pixels or more around each.
+
+    Past the picture's border they go on as at it.
+    """
 
     number: Indices
     """(k,) which of the picture's blobs it is."""

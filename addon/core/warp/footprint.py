@@ -82,7 +82,9 @@ def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: 
 
 def prefilter_alone(texture: LinearRGBA, radius: Map) -> None:
     """Blur a texture (h, w, 4) that lies alone, with its alpha, in place; `radius` (h, w) in its texels.
-    Passes checkpoints."""
+
+    Passes checkpoints.
+    """
     _filter(texture, np.empty_like(texture), 1, radius.astype(np.float32), None, [])
 
 

@@ -160,8 +160,7 @@ def _any(mask: Mask) -> Mask:
 
 
 def _allowed(error: float | Map, shape: tuple[int, int], cells: tuple[int, ...]) -> Map:
-    """(H - 1, W - 1) the error allowed in each cell a pixel wide, past the picture's (H, W) border as at
-    it."""
+    """(H - 1, W - 1) the error allowed in each cell a pixel wide, past the picture's (H, W) border as at it."""
     beyond = [(0, n + 1 - size) for n, size in zip(cells, shape, strict=True)]
     whole = np.pad(np.broadcast_to(np.asarray(error, np.float32), shape), beyond, mode="edge")
     return _of_corners(whole, np.minimum)
