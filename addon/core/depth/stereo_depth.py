@@ -47,7 +47,7 @@ class StereoDepth(DepthSource):
         return better or self.fusion.at(frame)
 
     def found_before(self, frame: int) -> DenseDepth | None:
-        """Return the depth of a frame if it is kept, else None."""
+        """Return the kept depth of a frame; None without one."""
         better = self.better.kept(frame) if self.better else None
         return better or self.fusion.kept(frame)
 
