@@ -55,7 +55,8 @@ def prose(path: Path) -> Iterator[str]:
             # Quoted names and messages keep their own words.
             quiet = re.sub(r"`[^`]*`|\"[^\"]*\"|'[^']* [^']*'", "x", node.value.value)
             for paragraph in re.split(r"\n\s*\n|\n(?=\s*\w[\w ,*]*: )", quiet):
-                yield " ".join(paragraph.split())
+                # An argument's own name may be any word.
+                yield " ".join(re.sub(r"^\s*\w+: ", "", paragraph).split())
     comments = [
         token.string.lstrip("# ")
         for token in tokenize.generate_tokens(io.StringIO(text).readline)
