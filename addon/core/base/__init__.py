@@ -1,1 +1,1 @@
-"""What every room stands on: errors, progress and cancelling, files that are whole, locks."""
+"""Foundations of all rooms: errors, progress and cancelling, atomic files, locks."""

@@ -1,4 +1,4 @@
-"""The arrays that the core passes around, by name. Docstrings of functions say their axes and units."""
+"""Types of the arrays in the core, by name. Docstrings of functions give their axes and units."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Files that are whole or not there: written under a name of their own beside, and then moved into place.
+"""Atomic files: written under a temporary name beside their place, and then moved.
 
-What is unfinished has a name that no two share and, beside it, a lock that ends with the process that writes
-it: so what a process left that was killed is known and collected, and what another machine works on is not.
+A temporary name is unique and has a lock beside it that ends with the process. Remains of a killed process
+are therefore recognised and removed, and the work of another machine is not.
 """
 
 from __future__ import annotations
@@ -25,21 +25,23 @@ PART = ".part-"
 TEMPORARY = "virtual-aperture-"
 """Begins the name of a folder in the system's folder for temporary files."""
 LOCK = ".lock"
-"""Ends the name of the file that whoever has a name holds beside it."""
+"""Suffix of the lock file beside a temporary name."""
 _OWNED = re.compile(r"(?P<name>(?P<table>[0-9a-f]{12})-(?P<pid>\d+)-[0-9a-f]{8})(-.+|\.lock)?")
 
 
 def owned_name(prefix: str) -> str:
-    """A name that nobody else has, and that tells this process and its table."""
+    """Return a unique name that identifies this process and its table."""
     return f"{prefix}{process_table()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
 
 
 @contextmanager
 def owned(folder: Path, prefix: str) -> Iterator[str]:
-    """A name for something unfinished in a folder, to be followed by - and more if need be.
+    """Yield a name for unfinished work in a folder, to be followed by "-" and more.
 
-    While it lasts, `collect_orphans` leaves it alone, whoever asks. Raises OSError where nothing can be
-    written there.
+    While it lasts, `collect_orphans` of any process leaves it alone.
+
+    Raises:
+        OSError: Nothing can be written there.
     """
     name = owned_name(prefix)
     with FileLock(folder / f"{name}{LOCK}", UserError):
@@ -48,10 +50,12 @@ def owned(folder: Path, prefix: str) -> Iterator[str]:
 
 @contextmanager
 def staged(path: Path) -> Iterator[Path]:
-    """A path beside `path` to write to; what lies there at the end is moved into place, durably.
+    """Yield a path beside `path` to write to; at the end it is moved into place, durably.
 
-    Its name is this process's own, so that two that write the same file never share one. If anything is
-    raised within, or nothing was written, nothing is left. Raises UserError where the file cannot be written.
+    Processes that write the same file never share a name. After an error, or without output, nothing is left.
+
+    Raises:
+        UserError: The file cannot be written.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -86,7 +90,11 @@ def sync(path: Path) -> None:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a small file, whole or not at all. Raises UserError."""
+    """Write a small file atomically.
+
+    Raises:
+        UserError: It cannot be written.
+    """
     with staged(path) as part:
         part.write_bytes(data)
 
@@ -133,10 +141,14 @@ def collect_orphans(folder: Path, prefix: str = PART) -> list[Path]:
 
 
 def orphans(folder: Path, prefix: str, lock: Path | None = None) -> list[Path]:
-    """What dead processes left in a folder under names by `owned_name`, the locks beside them last; none
-    where it cannot be listed, or where it is not known whether they are dead.
+    """Return the remains of dead processes in a folder, under names by `owned_name`, the locks last.
 
-    `lock` is the file that they held instead of those beside.
+    There are none if the folder cannot be listed, or if the processes may be alive.
+
+    Args:
+        folder: The folder.
+        prefix: Prefix of the names.
+        lock: The lock file of all names, instead of one beside each.
     """
     found = []
     with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""Digest of the add-on's own code: what other code made is recognised and made anew."""
+"""Digest of the add-on's code, which identifies results of other versions."""
 
 from __future__ import annotations
 

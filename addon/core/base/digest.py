@@ -51,7 +51,7 @@ class Files:
 
     @property
     def is_large(self) -> bool:
-        """Whether reading all takes too long for a panel."""
+        """Return whether reading the whole file takes too long for a panel."""
         return self.size > LARGE
 
     def known_digest(self) -> str | None:
@@ -85,7 +85,7 @@ class Files:
         return digest.hexdigest()
 
     def _key(self) -> str:
-        """32 hexadecimal digits of what the system reports: others once a file is changed."""
+        """32 hexadecimal digits of the system's information, which changes with the file."""
         parts = [str(self._named)]
         for path, state in zip(self._paths, self._states, strict=True):
             times = state.st_mtime_ns, state.st_ctime_ns
@@ -105,7 +105,7 @@ def _digest(path: Path) -> str:
     with open_regular(path) as file:
         left = os.fstat(file.fileno()).st_size
         digest = hashlib.sha256(str(left).encode())
-        # No more than it had: what grows, or has no size, such as the system's own, would never end.
+        # No more than its size: growing files, and files without a size, would never end.
         while left > 0 and (piece := file.read(min(left, 1 << 20))):
             digest.update(piece)
             left -= len(piece)
@@ -114,7 +114,7 @@ def _digest(path: Path) -> str:
 
 
 def _store() -> Path:
-    """The file of the digests that are kept, in the user's folder for what can be made again."""
+    """The file of kept digests, in the user's cache folder."""
     if sys.platform == "win32":
         caches = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     elif sys.platform == "darwin":
@@ -134,8 +134,8 @@ def _kept() -> dict[str, str]:
 
 
 def _keep(key: str, digest: str) -> None:
-    """Keep a digest for other processes. Where that cannot be written the file is read again."""
-    # Of two that write at once one's may be lost, which costs as little.
+    """Keep a digest for other processes; if that fails the file is read again."""
+    # If two write at once, one digest may be lost, which costs little.
     kept = _kept() | {key: digest}
     last = dict(list(kept.items())[-MOST_KEPT:])
     with contextlib.suppress(UserError, RuntimeError):

@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class Remedy(StrEnum):
-    """What the user can set to go on; each interface has its own name for where that is done."""
+    """A setting that helps the user to go on; each interface has a name for it."""
 
     FRAMES = "frames"
     """Which frames of the clip are solved."""
@@ -18,9 +18,9 @@ class Remedy(StrEnum):
     SOLVE = "solve"
     """Solving the clip."""
     AGAIN = "again"
-    """Solving, or importing, in place of what the working folder holds."""
+    """Solving, or importing, in place of the working folder's solve."""
     FOCAL = "focal"
-    """What is known of the focal length."""
+    """The focal length."""
     OVERWRITE = "overwrite"
     """Writing over output that exists."""
     DEPTH_MAPS = "depth_maps"
@@ -36,11 +36,11 @@ Words = Mapping[Remedy, str]
 
 
 class UserError(Exception):
-    """Something the user can act on, in one line: what is wrong, where, and what to do.
+    """A problem that the user can solve, in one line: the problem, its place, and the way out.
 
     The command line prints the message and ends with a non-zero status; operators report it. The message
-    names no interface's controls: `remedies` tell which ones help.
-    Everything else that escapes is a bug and keeps its traceback.
+    names no interface's controls: `remedies` list the settings that help. Any other error is a bug and keeps
+    its traceback.
     """
 
     def __init__(self, message: str, *remedies: Remedy) -> None:
@@ -53,6 +53,6 @@ class UserError(Exception):
 
 
 def with_words(text: str, remedies: Iterable[Remedy], words: Words) -> str:
-    """A text and, in brackets, an interface's names for what helps."""
+    """Return a text with an interface's names of the remedies in brackets."""
     names = [words[remedy] for remedy in remedies if remedy in words]
     return f"{text} ({', '.join(names)})" if names else text

@@ -18,9 +18,9 @@ from .processes import is_gone, process_table
 from .regular_file import is_regular, read_regular
 
 HELD = {errno.EACCES, errno.EAGAIN, errno.EDEADLK}
-"""What the systems say of a lock that somebody else has."""
+"""Errors of the system for a lock of another process."""
 NO_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
-"""What they say where a file system knows no locks."""
+"""Errors of a file system without locks."""
 LONGEST = 1 << 16
 """Bytes of a lock's file at most: its owner takes a hundred."""
 FAR = 1 << 30
@@ -37,12 +37,20 @@ class FileLock:
     """
 
     def __init__(self, path: Path, refused: Callable[[str], UserError], patience: float = PATIENCE) -> None:
-        """`refused` makes the error for who has it, as " by process 4", for so many seconds; OSError where
-        none can be made."""
+        """Claim a lock.
+
+        Args:
+            path: The lock file.
+            refused: Makes the error for its owner, such as " by process 4".
+            patience: Seconds to wait.
+
+        Raises:
+            OSError: The lock file cannot be made.
+        """
         self._path = path
         self._file: int | None = None
         self.is_locked = False
-        """Whether the system keeps others out."""
+        """True if the system excludes others."""
         until = time.monotonic() + patience
         while self._file is None:
             file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
@@ -63,7 +71,7 @@ class FileLock:
             finally:
                 if self._file is None:
                     os.close(file)
-        # It only says who has it: a full disk is no reason to fail here.
+        # The content is information only: a full disk is no reason to fail here.
         with contextlib.suppress(OSError):
             _write_owner(self._file)
 
@@ -95,9 +103,9 @@ class FileLock:
 
 
 def is_abandoned(lock: Path, table: str, pid: int) -> bool:
-    """Whether whoever had a lock file has ended for certain: nobody has the lock.
+    """Return whether the owner of a lock file has certainly ended.
 
-    Where that is not known, whether the process of that number, in a table by `process_table`, is gone.
+    Without locks, this is known only for a process of this table by `process_table`, from its number.
     """
     try:
         file = os.open(lock, os.O_RDWR) if is_regular(lock) else None
@@ -115,7 +123,7 @@ def is_abandoned(lock: Path, table: str, pid: int) -> bool:
 
 
 def owner_of(lock: Path) -> dict[str, object]:
-    """What a lock file says of who has it, or had it; empty where it says nothing that can be read."""
+    """Return the content of a lock file about its owner; empty if it is unreadable."""
     try:
         return dict(json.loads(read_regular(lock, LONGEST)))
     except (OSError, ValueError, TypeError):

@@ -28,5 +28,5 @@ def check_file(path: Path) -> None:
 
 
 def leads_nowhere(path: Path) -> bool:
-    """Whether a path is a link to what is not there, or to itself."""
+    """Return whether a path is a link to a missing file, or to itself."""
     return path.is_symlink() and not path.exists()

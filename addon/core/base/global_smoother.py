@@ -14,12 +14,17 @@ _LOCK = threading.Lock()
 
 
 def globally_smoothed(guide: Bytes, values: Map, reach: float, sigma: float) -> Map:
-    """(h, w) values (h, w) smooth where a guide (h, w) or (h, w, 3) is; `reach` is lambda, `sigma` grey
-    levels at which smoothing stops.
+    """Return values (h, w), smoothed where a guide (h, w) or (h, w, 3) is smooth.
 
-    Min et al., "Fast global image smoothing based on weighted least squares", 2014. With several threads each
-    takes a stripe, whose last columns are rounded otherwise: processes with other numbers of them found other
-    depths.
+    Min et al., "Fast global image smoothing based on weighted least squares", 2014. It runs in one thread:
+    several threads have a stripe each, whose last columns are rounded differently, so that results would
+    depend on their number.
+
+    Args:
+        guide: Grey levels or RGB.
+        values: (h, w).
+        reach: Lambda.
+        sigma: Grey levels at which smoothing stops.
     """
     values = np.ascontiguousarray(values, np.float32)
     with _LOCK:

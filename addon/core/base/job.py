@@ -17,7 +17,7 @@ from .messages import PATIENCE, Failure, Message, Progress, Result, Warned, deco
 from .time_left import TimeLeft
 
 REMEMBERED = 20
-"""Last lines of standard error, in which a process that died says why."""
+"""Last lines of standard error, with the reason of a process's death."""
 
 ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
 """Environment of our processes; the user's own variables take precedence, and Blender's own process keeps
@@ -27,9 +27,9 @@ machine with two cores, a solve of 87 frames at 368x480 takes 24.3 and 23.8 inst
 
 
 class Job:
-    """Work of a process that speaks as `messages.speak` has it, as of the last `poll`.
+    """Work in a child process that speaks by `messages.speak`; fields are those of the last `poll`.
 
-    Where its parent is killed the process ends by itself.
+    If its parent is killed, the process ends.
     """
 
     def __init__(self, program: str = "process") -> None:
@@ -38,7 +38,7 @@ class Job:
         """Steps of the present stage; 0 until the process has reported them."""
         self.stage = ""
         self.share = 0.0
-        """Of the whole work, in [0, 1]."""
+        """Share of the whole work, in [0, 1]."""
         self.left: float | None = None
         """Seconds that it will still take; None while they cannot be estimated."""
         self.warnings: list[str] = []
@@ -63,7 +63,7 @@ class Job:
                 command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                 encoding="utf-8", errors="replace",
                 env={**ONE_BLAS_THREAD, **environment, "PYTHONUNBUFFERED": "1"},
-                # Ctrl-C is for whoever started it, who ends it.
+                # Ctrl-C goes to the parent, which ends it.
                 start_new_session=True,
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)
                 | (priority.CREATION_FLAGS if yielding else 0),
@@ -95,8 +95,7 @@ class Job:
                 self._complaints.append(line.strip())
 
     def poll(self) -> list[Message]:
-        """Take in what the process has reported since the last call, and return it; `is_running` is no longer
-        so once it has ended."""
+        """Return the messages since the last call; `is_running` is false after the process has ended."""
         heard = []
         while self.is_running:
             try:
@@ -125,7 +124,7 @@ class Job:
         self.left = self._time_left.at(now, (self.share - self._first) / max(1 - self._first, 1e-9))
 
     def wait(self, seconds: float) -> None:
-        """Return when all was said, or after so many seconds."""
+        """Return when all messages have arrived, or after some seconds."""
         if self._listening is not None:
             self._listening.join(seconds)
 
@@ -139,8 +138,7 @@ class Job:
             end_meanwhile([self], then)
 
     def _why(self) -> Failure | None:
-        """What the process, which has ended, said of its failure, or what ended it; None where its work is
-        done."""
+        """The reason of failure of an ended process, by its own message or its status; None for success."""
         assert self.process is not None
         status = self.process.wait()
         if isinstance(self._last, Result):

@@ -1,6 +1,6 @@
-"""What the user lets the add-on take: threads, and room for kept depth.
+"""The user's limits of threads and of room for kept depth.
 
-They are in the environment, from which the processes that are started have them, too.
+They are in the environment, so that child processes have them, too.
 """
 
 from __future__ import annotations
@@ -22,25 +22,24 @@ ONE_THREAD = {THREADS: "1", OPENCV_THREADS: "1", "LP_NUM_THREADS": "0"}
 more processor time and gain a twentieth of the time. The last is Mesa's software renderer's, which draws in
 a thread beside the caller's with 1: with 0 it takes 4 % less processor time and 50 MB less."""
 MOST_KEPT_DEPTH = 8 << 30
-"""Bytes, where nothing else is said: about an hour of video at 640x360, twelve minutes of a phone's. Chosen
-by inspection."""
+"""Bytes by default: about an hour of video at 640x360, twelve minutes of a phone's. Chosen by inspection."""
 
 
 def threads() -> int:
-    """How many threads work side by side: as many as processors, or fewer where the user says so."""
+    """Return the number of threads: the processors, or the user's limit."""
     processors = os.process_cpu_count() or 1
     return min(processors, chosen_threads() or processors)
 
 
 def chosen_threads() -> int:
-    """The most that the user lets work side by side; 0 where that is not said."""
+    """Return the user's limit of threads; 0 without one."""
     return _number(THREADS)
 
 
 def limit_threads(most: int) -> None:
     """Have at most so many threads work side by side, from now on; 0 for as many as processors."""
     if not most and THREADS not in os.environ:
-        # What the user told OpenCV stays.
+        # The user's setting of OpenCV stays.
         return
     _say(THREADS, most)
     _say(OPENCV_THREADS, most)
@@ -71,7 +70,7 @@ def most_kept_depth() -> int:
 
 
 def limit_kept_depth(most: int) -> None:
-    """Have the kept depth of a clip take at most so many bytes; 0 for the number where nothing is said."""
+    """Limit the bytes of a clip's kept depth; 0 for the default."""
     _say(KEPT_DEPTH, most)
 
 

@@ -1,4 +1,4 @@
-"""What was made for frames lately, so that frames that follow each other need not make it again."""
+"""Recent results by frame, so that neighbouring frames can share them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Memory: how much is free, whether it ran out, and what the C library keeps of it."""
+"""Memory: free bytes, exhaustion, and reuse by the C library."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ more than the first, and M_TRIM_THRESHOLD, which is off."""
 
 
 def keep_freed() -> None:
-    """Have the C library keep freed memory for what is allocated next.
+    """Make the C library keep freed memory for later allocations.
 
-    It returns large arrays to the system otherwise, which hands each new one out page by page: 0.64 to 0.67
-    of 8.4 to 8.6 CPU seconds of a frame at 1920x1080 whose depth is kept, instead of 0.12. Memory at the
-    peak grows by 2 % at most.
+    It otherwise returns large arrays to the system, which hands out each new one page by page: 0.64 to 0.67
+    of 8.4 to 8.6 CPU seconds of a frame at 1920x1080 with kept depth, instead of 0.12. Memory at the peak
+    grows by 2 % at most.
     """
     if sys.platform == "linux":
         libc = ctypes.CDLL(None)
@@ -53,9 +53,9 @@ def shortage(what: str) -> UserError:
 
 
 def free(proc: Path = PROC, groups: Path = GROUPS) -> int:
-    """Bytes of memory that are free for more processes, on this machine and in its container.
+    """Return the bytes of memory that are free for more processes, on this machine and in its container.
 
-    Half of what the machine has where the system does not report what is free.
+    Half of the machine's memory if the system does not report free memory.
     """
     return min([_machine_free(proc), *_container_free(proc, groups)])
 

@@ -1,4 +1,4 @@
-"""What a process of ours tells the one that started it: one message a line, as JSON, on its standard output.
+"""Messages from a child process to its parent: one a line, as JSON, on its standard output.
 
 >>> decode(encode(Progress("depth", 3, 118)))
 Progress(stage='depth', done=3, total=118, frame=None, share=None)
@@ -31,7 +31,7 @@ class Progress:
     frame: int | None = None
     """The number of the frame that is whole now, where each step is a frame."""
     share: float | None = None
-    """Of the whole work in [0, 1], where the stage is a part of it."""
+    """Share of the whole work in [0, 1], if the stage is a part of it."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Warned:
 
 @dataclass(frozen=True)
 class Seen:
-    """What a stage of the work looks at, for who waits: a frame, and features that were found in it."""
+    """The input of a stage of the work, for the waiting user: a frame, and features found in it."""
 
     picture: str
     """The frame, small, as JPEG in base 64."""
@@ -66,7 +66,7 @@ class Failure:
     """The exit status that goes with it."""
     remedies: tuple[Remedy, ...] = ()
     traceback: str = ""
-    """Of a bug; empty for what the user can act on."""
+    """Traceback of a bug; empty for a `UserError`."""
 
     @property
     def error(self) -> UserError:
@@ -101,26 +101,31 @@ def decode(line: str) -> Message | None:
 
 
 _parent: TextIO | None = None
-"""Where messages go; None in a process that people started."""
+"""Stream of messages; None in a process that people started."""
 
 
 PATIENCE = 10.0
-"""Seconds in which a process that was told to end must have ended; then it is killed."""
+"""Seconds from the request to end until a process is killed."""
 
 
 def end_itself() -> None:
-    """End this process, at first politely: code that is not Python's hears no signal while it works, such as
-    Cycles in a render."""
+    """End this process, at first politely.
+
+    Code outside of Python, such as Cycles in a render, hears no signal while it works.
+    """
     os.kill(os.getpid(), signal.SIGTERM)
     time.sleep(PATIENCE)
     os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
 
 
 def speak(when_alone: Callable[[], object] = end_itself) -> None:
-    """From now on be the child of whoever started this process, as `Job` does.
+    """Turn this process into a child of its parent, as `Job` expects.
 
-    Standard output is for messages alone: what else is written to it goes nowhere. `when_alone` is called on
-    a thread when standard input closes, as it does when the parent has ended; by default the process ends.
+    Standard output is for messages alone; other output to it is discarded.
+
+    Args:
+        when_alone: Called on a thread when standard input closes, as it does when the parent has ended; by
+            default the process ends.
     """
     global _parent
     sys.stdout.flush()

@@ -10,18 +10,27 @@ from .arrays import Map, Mask
 
 
 def nearest[T: np.generic](values: NDArray[T], known: Mask) -> NDArray[T]:
-    """(H, W) or (H, W, c) values, those that are not known (H, W) replaced by those of the nearest pixel that
-    is (Euclidean distance); as they are where none or all are known."""
+    """Replace unknown values by those of the nearest known pixel (Euclidean distance).
+
+    They are unchanged if none or all are known.
+
+    Args:
+        values: (H, W) or (H, W, c).
+        known: (H, W).
+    """
     if known.all() or not known.any():
         return values
     return of_nearest(values, known)[0]
 
 
 def of_nearest[T: np.generic](values: NDArray[T], seeds: Mask) -> tuple[NDArray[T], Map]:
-    """(H, W) or (H, W, c) values of the seed (H, W) nearest to each pixel, and the distance to it in pixels,
-    (H, W) float32. There must be a seed.
+    """Return the values of the seed nearest to each pixel, and the distance (H, W) in pixels, float32.
 
     Borgefors, "Distance transformations in digital images", 1986, with OpenCV's mask of 5x5 pixels.
+
+    Args:
+        values: (H, W) or (H, W, c).
+        seeds: (H, W), at least one.
     """
     distance, label = cv2.distanceTransformWithLabels(
         (~seeds).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL

@@ -1,4 +1,4 @@
-"""Reading arrays from NumPy's .npz files of strangers: what they claim is compared with what they may be.
+"""Reading arrays from NumPy's .npz files of strangers, with limits on their claims.
 
 A compressed file of a few megabytes can unpack to terabytes, and an array of objects to any program.
 """
@@ -77,8 +77,10 @@ def _shape(header: re.Match[bytes]) -> tuple[int, ...]:
 
 
 class ArrayFile:
-    """The maps (h, w) of one array of an .npz, (h, w) or (n, h, w) but for axes of length 1, read one by one:
-    a clip's would take gigabytes."""
+    """The maps (h, w) of one array of an .npz, read one by one, as all maps of a clip take gigabytes.
+
+    The array is (h, w) or (n, h, w), with more axes of length 1.
+    """
 
     def __init__(self, path: Path, names: tuple[str, ...]) -> None:
         """The array that has the first of `names` which is there.
@@ -90,7 +92,7 @@ class ArrayFile:
             self._archive = zipfile.ZipFile(open_regular(path))
             there = [name.removesuffix(".npy") for name in self._archive.namelist()]
             self.name = next((name for name in names if name in there), "")
-            """Of the array."""
+            """Name of the array."""
             if not self.name:
                 raise ValueError(f"it has no array {' or '.join(names)}, but {', '.join(there) or 'nothing'}")
             member = self._archive.getinfo(f"{self.name}.npy")

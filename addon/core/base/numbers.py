@@ -1,7 +1,7 @@
-"""Numbers as people and other programs write them.
+"""Numbers in the notation of people and other programs.
 
-Python's own `int` and `float` read more: `nan`, `inf`, `1_000`, the digits of every script, and 1e400 as
-infinity. No other program writes those, and whoever typed one did not mean it.
+Python's `int` and `float` accept more: `nan`, `inf`, `1_000`, the digits of every script, and 1e400 as
+infinity. No other program writes those, and they are typing errors of a user.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 LARGEST = 1e15
 """No number is larger, in any unit: its fourth power is far from overflow, and it fits a 32-bit float."""
 LARGEST_WHOLE = 2**31 - 1
-"""Of a whole number that Blender keeps."""
+"""Largest whole number that Blender keeps."""
 _REAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 _WHOLE = re.compile(r"[+-]?\d{1,400}", re.ASCII)
 
@@ -49,6 +49,6 @@ def wholes(words: Sequence[bytes]) -> NDArray[np.int64]:
 
 
 def _refuse_underscores(words: Sequence[bytes]) -> None:
-    # Of bytes Python takes no digits but ASCII's, so this is all that is left to refuse.
+    # Python reads only ASCII digits from bytes, so this is all that is left to refuse.
     if b"_" in b" ".join(words):
         raise ValueError("a word has an underscore")

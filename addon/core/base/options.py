@@ -22,37 +22,37 @@ import numpy as np
 from .errors import UserError
 
 KEY = "option"
-"""Of a field's metadata."""
+"""Key of a field's metadata."""
 
 
 @dataclass(frozen=True)
 class Option:
-    """What interfaces must know of an option."""
+    """Properties of an option for interfaces."""
 
     label: str
     """In the interface, in title case."""
     help: str
     """One or two sentences without the last full stop, for the interface and the command line."""
     default: Any
-    """Of the type that all its values have: bool, int, float or str."""
+    """Default value, of the type of all values: bool, int, float or str."""
     name: str = ""
     """In .blend files and, with dashes, on the command line."""
     least: float = -np.inf
     most: float = np.inf
-    """Bounds; who is beyond is refused."""
+    """Bounds; values outside are rejected."""
     soft_least: float | None = None
     soft_most: float | None = None
-    """Bounds of what dragging a value reaches."""
+    """Bounds of dragging a value."""
     unit: str = "NONE"
     """Blender's subtype of the property: ANGLE is in radians, and in degrees on the command line."""
     precision: int = 3
     """Digits after the point."""
     choices: Mapping[str, Any] | None = None
-    """What can be chosen, by identifier; each has `number` (in .blend files) and `help`."""
+    """Choices by identifier; each has `number` (in .blend files) and `help`."""
     words: Mapping[str, Any] | None = None
     """Values with a word of their own on the command line, such as {"auto": 0}."""
     metavar: str = ""
-    """Of its value on the command line."""
+    """Name of its value on the command line."""
     can_be_keyed: bool = True
 
     @property
@@ -67,7 +67,7 @@ class Option:
         return held.get(self.default, self.default)
 
     def chosen(self, value: Any) -> Any:
-        """What a value of an interface stands for: the choice, where choices are what the field holds."""
+        """Return the field's value for an interface's value: the choice, if the field holds choices."""
         return self.choices[value] if self.choices is not None and self.initial != self.default else value
 
     @property

@@ -10,7 +10,7 @@ from typing import Any
 YIELDING = 10
 """Niceness, of 0 to 19, of a process that works while others are waited for. Chosen by inspection."""
 CREATION_FLAGS = getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0)
-"""Of `subprocess.Popen` on Windows, for the same."""
+"""The same for `subprocess.Popen` on Windows."""
 
 
 def let_others_go_first(process: subprocess.Popen[Any]) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 PROC = Path("/proc")
 UNKNOWN = "0" * 12
-"""Instead of a table's digits, where it cannot be told apart from others."""
+"""Digits of an unidentified table of processes."""
 
 
 @cache
@@ -33,7 +33,7 @@ def process_table() -> str:
 
 
 def is_gone(table: str, pid: int) -> bool:
-    """Whether a process has ended for certain: only one of this process's own table is known."""
+    """Return whether a process has certainly ended: only processes of this table are known."""
     if UNKNOWN in (table, process_table()) or table != process_table():
         return False
     return pid != os.getpid() and not _is_alive(pid)
@@ -46,8 +46,8 @@ def _is_alive(pid: int) -> bool:
         return False
     except PermissionError:
         return True
-    # One that has ended, and that whoever started it has not waited for, still has its number. What is
-    # mounted may be the table of another namespace.
+    # A process that has ended keeps its number until its parent waits for it. The mounted table
+    # may be that of another namespace.
     with contextlib.suppress(OSError, IndexError):
         if (PROC / "self").readlink() == Path(str(os.getpid())):
             return (PROC / f"{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0] != "Z"

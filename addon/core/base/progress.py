@@ -1,8 +1,8 @@
-"""Progress and cancellation of long work: a cancel scope that computations pass checkpoints of.
+"""Progress and cancellation of long work: a cancel scope with checkpoints.
 
-Whoever starts the work opens a scope with `reporting` and says what is to be done at a checkpoint; functions
-deep inside call `checkpoint` as they go and need not hand a callback through every signature (the pattern of
-Trio's cancel scopes). Without a scope a checkpoint does nothing.
+The caller opens a scope with `reporting` and sets the action at checkpoints; functions deep inside call
+`checkpoint` and need no callback through every signature (the pattern of Trio's cancel scopes). Without a
+scope a checkpoint does nothing.
 """
 
 from __future__ import annotations
@@ -49,8 +49,13 @@ def stage(name: str, low: float, high: float) -> Iterator[None]:
 
 
 def checkpoint(done: float = 0.0) -> None:
-    """Say that a share `done` in [0, 1] of the present stage is done; call it every tenth of a second or more
-    often. Raises Cancelled where the user wants no more."""
+    """Report the done share of the present stage, in [0, 1].
+
+    Call it every tenth of a second or more often.
+
+    Raises:
+        Cancelled: The user cancels.
+    """
     scope = _scope.get()
     if scope is not None:
         scope.on_progress(scope.stage, scope.low + done * (scope.high - scope.low))

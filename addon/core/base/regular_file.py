@@ -1,7 +1,7 @@
-"""Reading files whose names come from users and strangers: only regular files, and no more than they hold.
+"""Reading files with names from users and strangers: only regular files, up to their size.
 
-A pipe waits for whoever writes into it, a device such as /dev/zero never ends, and a count or a size within a
-file can be any number.
+A pipe waits for its writer, a device such as /dev/zero never ends, and a count or a size within a file can be
+any number.
 """
 
 from __future__ import annotations
@@ -20,17 +20,19 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)
 
 
 def regular_stat(path: Path) -> os.stat_result:
-    """What the system says of a regular file, without opening it; links are followed.
+    """Return the system's information on a regular file without opening it; links are followed.
 
-    OSError where there is none, or where it is a folder, a pipe, a socket or a device: ask before another
-    library opens the path.
+    Call it before another library opens the path.
+
+    Raises:
+        OSError: There is no file, or it is a folder, a pipe, a socket or a device.
     """
     return _checked(path.stat(), path)
 
 
 def open_regular(path: Path) -> BinaryIO:
     """A regular file to read bytes from; OSError as `regular_stat`, at once even for a pipe."""
-    # Looked at before it is opened, as some devices act when they are, and again on what was opened.
+    # Tested before it is opened, as opening acts on some devices, and again afterwards.
     regular_stat(path)
     file = os.open(path, _FLAGS)
     try:
@@ -54,7 +56,7 @@ def read_regular(path: Path, most: int | None = None) -> bytes:
 
 
 def is_regular(path: Path) -> bool:
-    """Whether a path leads to a regular file; not where it cannot be looked at."""
+    """Return whether a path leads to a readable regular file."""
     try:
         regular_stat(path)
     except (OSError, ValueError):

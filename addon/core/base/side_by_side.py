@@ -10,11 +10,10 @@ from .progress import in_this_scope
 
 
 def side_by_side[T, R](work: Callable[[T], R], things: Iterable[T]) -> list[R]:
-    """What `work` returns of each thing, in their order.
+    """Return the results of `work` on each thing, in their order.
 
-    Checkpoints in it are those of the caller; the first error ends it.
-
-    Where one thread is all there may be, that is the caller: handing a thing to another takes 0.1 ms.
+    Checkpoints in it are those of the caller; the first error ends it. With one thread, the caller does the
+    work: handing a thing to another thread takes 0.1 ms.
 
     >>> side_by_side(abs, [-1, 2])
     [1, 2]

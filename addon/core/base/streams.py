@@ -1,8 +1,8 @@
-"""Lines for whoever runs a command, who may have gone, or never listened.
+"""Output to the person or program that runs a command, which may be gone.
 
-What a command is for are the files it makes, so it goes on where its words are no longer wanted: a render
-whose lines went to `head -1`, or to a terminal that was closed, is finished. Where words cannot be kept for
-another reason, such as a full disk, the work goes on, too, and `check` then tells.
+The files of a command matter, so it continues without a listener: a render whose output went to `head -1`, or
+to a closed terminal, is finished. Output that cannot be kept for another reason, such as a full disk, does
+not stop the work either; `check` reports it.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ import sys
 from .errors import UserError
 
 GONE = {errno.EPIPE, errno.EIO, errno.EBADF}
-"""What the systems say where nobody listens: a pipe without a reader, a terminal that hung up, no stream."""
+"""Errors of the system without a listener: a pipe without a reader, a hung up terminal, no stream."""
 
 _lost = ""
 """Why lines could not be written, other than that nobody listens; empty where all were."""
 
 
 def open_all() -> None:
-    """Give the process those of its three standard streams that it was started without (`>&-`).
+    """Open the standard streams that the process was started without (`>&-`).
 
-    Files that are opened later would get their numbers, and what libraries print would be written into them.
+    Files opened later would get their numbers, and output of libraries would be written into them.
     """
     global _lost
     _lost = ""
@@ -65,7 +65,11 @@ def complain(text: str) -> None:
 
 
 def check() -> None:
-    """UserError where lines were lost to somebody who wanted them."""
+    """Check that no output was lost.
+
+    Raises:
+        UserError: Lines for a listener were lost.
+    """
     flush()
     if _lost:
         raise UserError(f"standard output cannot be written: {_lost}; the command has done all else")
@@ -81,7 +85,7 @@ def flush() -> None:
 
 
 def _silence(descriptor: int, error: OSError) -> None:
-    """From now on, write what goes to a descriptor nowhere; what a stream still holds goes there, too."""
+    """Discard further output to a descriptor, and the content of a stream's buffer."""
     global _lost
     if error.errno not in GONE:
         _lost = _lost or str(error.strerror)

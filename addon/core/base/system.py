@@ -1,4 +1,4 @@
-"""What the libraries that come with the extension need of the operating system."""
+"""Requirements of the bundled libraries on the operating system."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import platform
 from .errors import UserError
 
 MACOS = 14
-"""Oldest version for which PyAV and pycolmap are built, as the names of their wheels say. Blender runs on
-older ones, and installs a wheel without looking at it."""
+"""Oldest version for which PyAV and pycolmap are built, by the names of their wheels. Blender runs on older
+ones, and installs a wheel without a check."""
 
 
 def check_system(macos: str | None = None) -> None:

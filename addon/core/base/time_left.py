@@ -8,19 +8,19 @@ from collections.abc import Callable
 from .messages import Progress, send
 
 LEAST_SHARE, LEAST_SECONDS = 0.1, 3.0
-"""Of the work, and of time, before which nothing can be said."""
+"""Share of the work, and seconds, before which there is no estimate."""
 AGAIN = 0.01
 """Share by which work falls back when something is tried again."""
 CONTRADICTS, SLACK = 2.0, 5.0
-"""Times as long as the estimate before said, and seconds more, from which on two estimates contradict each
-other: then nothing is known."""
+"""Ratio to the previous estimate, and seconds more, from which two estimates contradict each other: then
+there is none."""
 
 
 class TimeLeft:
-    """Estimates for work whose shares are about proportional to time, and of which parts may be tried again.
+    """Estimates for work whose shares are about proportional to time, and whose parts may be repeated.
 
-    While a part is tried again nothing is said, for nobody knows how many times it will be; what it took is
-    not taken for the pace of the rest.
+    While a part is repeated there is no estimate, as the number of repeats is unknown; its time does not
+    count for the pace of the rest.
     """
 
     def __init__(self, now: float) -> None:
@@ -31,7 +31,7 @@ class TimeLeft:
         self._said: tuple[float, float] | None = None
 
     def at(self, now: float, share: float) -> float | None:
-        """Seconds left when a share in [0, 1] of the work is done; None where nothing can be said."""
+        """Return the seconds left with a share in [0, 1] of the work done; None without an estimate."""
         is_again = share < self._highest - AGAIN
         if is_again:
             self._lost += now - self._last

@@ -49,7 +49,7 @@ def first_place(reconstruction: Reconstruction, frame: int) -> Place | None:
 
 
 def _nearest_large(xy: Floats, inverse: Floats) -> Ints:
-    """Rows of the features (n, 2), of inverse depth (n,), on the nearest large thing, or else on the largest."""
+    """Rows of the features (n, 2), of inverse depth (n,), on the nearest large thing, or the largest."""
     cells = (np.clip((xy - 0.5) / WINDOW + 0.5, 0, 1 - 1e-9) * CELLS).astype(int) @ [1, CELLS]
     order = np.argsort(-inverse, kind="stable")
     # Nearest first, inverse depths fall: a thing is a run of them.

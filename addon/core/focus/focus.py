@@ -175,7 +175,7 @@ def largest_discs(
 ) -> tuple[float, float]:
     """Return the diameters of a frame's largest blur discs, in image widths.
 
-    Of its points the nearest and farthest 2 % are left out.
+    The nearest and farthest 2 % of its points are left out.
 
     Returns:
         The diameter in front of the focal plane and the one behind it; 0 on a side without points.

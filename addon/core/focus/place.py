@@ -1,4 +1,4 @@
-"""Focus at a place of the picture: the surface that the pixel shows, by feature points where they are near."""
+"""Focus at a place of the picture: the surface of its pixel, by feature points if they are near."""
 
 from __future__ import annotations
 

@@ -103,9 +103,7 @@ class VideoInfo:
         return not keeps_rate(self.seconds, self.fps)
 
     def other_shape(self, frames: Sequence[int]) -> str:
-        """Return the reason why frames are not one clip, if their pictures differ in shape; else an empty
-        text.
-        """
+        """Return the reason why frames are not one clip: pictures of different shapes; else ""."""
         begins = [frame for frame, _, _ in self.sizes]
         _, across, down = self.sizes[0]
         for frame in frames:

@@ -1,4 +1,4 @@
-"""Readers of what other programs solved: every format comes in as a solve of the clip."""
+"""Readers of other programs' solves: every format becomes a solve of the clip."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .matching import Imported, match
 
 
 class Reader(Protocol):
-    """What a module that reads a format has; `read_reconstruction` finds the one for a file.
+    """The interface of a format's module; `read_reconstruction` finds the one for a file.
 
     >>> imported = read_reconstruction(folder, footage)
     >>> imported.format, imported.reconstruction.frames.tolist()
@@ -29,7 +29,7 @@ class Reader(Protocol):
     """The format's name for people."""
 
     def recognises(self, path: Path) -> bool:
-        """Whether a file or folder looks like the format; False where it cannot be read."""
+        """Return whether a file or folder looks like the format; False if it is unreadable."""
 
     def read(self, path: Path, size: tuple[int, int]) -> ImportedModel:
         """The model of a file or folder, of pictures of a size (width, height) in pixels where it names none.
@@ -39,14 +39,20 @@ class Reader(Protocol):
 
 
 class Recording(Reader, Protocol):
-    """A reader of what brings its own clip."""
+    """A reader of recordings that include a clip."""
 
     def clip(self, path: Path) -> Path:
         """The clip of a recording, which may be unpacked beside it for it; UserError where that cannot be."""
 
     def write_depth(self, path: Path, folder: Path) -> Path | None:
-        """Write the depth that a recording measured as maps of its clip into a folder, where it is not there;
-        the folder, None where there is no depth that can be read. UserError where it cannot be written."""
+        """Write a recording's measured depth as maps of its clip into a folder, unless they are there.
+
+        Returns:
+            The folder; None without readable depth.
+
+        Raises:
+            UserError: It cannot be written.
+        """
 
 
 RECORDINGS: tuple[Recording, ...] = (stray, record3d)
@@ -57,7 +63,7 @@ SUPPORTED = (
     " ViPE or Depth Anything 3, Record3D's .r3d, or a folder of Stray Scanner"
 )
 SUFFIXES = (".out", ".nvm", ".txt", ".json", ".npz", ".r3d")
-"""Of the files that are looked at in a folder without a COLMAP model."""
+"""Suffixes of the files that are tried in a folder without a COLMAP model."""
 
 
 def read_reconstruction(path: Path, footage: Footage) -> Imported:
@@ -74,18 +80,20 @@ def read_reconstruction(path: Path, footage: Footage) -> Imported:
 
 
 def recorded_clip(path: Path) -> Path | None:
-    """The clip that a recording brings with it; None of what is no recording.
+    """Return the clip of a recording; None for other files.
 
-    UserError where it cannot be had.
+    Raises:
+        UserError: It cannot be unpacked.
     """
     path = Path(path).expanduser()
     return next((reader.clip(path) for reader in RECORDINGS if reader.recognises(path)), None)
 
 
 def recorded_depth(path: Path, work_dir: Path) -> Path | None:
-    """The depth maps that a recording brings with it, beside a working folder; None of what has none.
+    """Return the depth maps of a recording, beside a working folder; None without any.
 
-    UserError where they cannot be written.
+    Raises:
+        UserError: They cannot be written.
     """
     path = Path(path).expanduser()
     folder = work_dir.with_name(f"{work_dir.stem}_lidar")
@@ -113,7 +121,7 @@ def _recognised(path: Path) -> tuple[Reader, Path]:
 
 
 def _without_cameras(path: Path) -> str:
-    """What a file or folder holds that can be depth maps of a clip; empty where it holds nothing like it."""
+    """The kind of depth maps in a file or folder; empty without any."""
     try:
         if path.suffix.lower() == ".onnx":
             return "a network"

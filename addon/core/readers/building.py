@@ -1,4 +1,4 @@
-"""What the readers of text formats share: from numbers in a file to lenses, poses and observations."""
+"""Common code of readers: from numbers in a file to lenses, poses and observations."""
 
 from __future__ import annotations
 
@@ -124,11 +124,17 @@ def observations_of(
 def assemble(
     cameras: list[Intrinsics], images: list[Image], observations: Observations, xyz: Floats, rgb: Floats
 ) -> Reconstruction:
-    """Images, which are ordered, with their observations, and points.
+    """Assemble a reconstruction.
 
-    `xyz` is (m, 3), `rgb` (m, 3) from 0 to 255. Of several observations of a point in an
-    image the first counts.
-    A point's error is the mean over the images that have it ahead.
+    If a point has several observations in an image, the first counts. A point's error is the mean over the
+    images that have it ahead.
+
+    Args:
+        cameras: Lenses.
+        images: In order.
+        observations: Their observations.
+        xyz: (m, 3) points.
+        rgb: (m, 3) from 0 to 255.
     """
     _, kept = np.unique(observations.image * len(xyz) + observations.point, return_index=True)
     image, point, xy = (

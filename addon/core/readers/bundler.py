@@ -131,7 +131,7 @@ class _Stream:
     starts: NDArray[np.int64]
     """(points,) index of each point's position."""
     names: list[str]
-    """Of the pictures; empty where the file names none."""
+    """Names of the pictures; empty if the file has none."""
 
 
 def _stream(text: Text, version: str) -> _Stream:
@@ -149,7 +149,7 @@ def _stream(text: Text, version: str) -> _Stream:
         try:
             return _Stream(numbers, layout, cameras, _starts(numbers, layout, cameras, points), [])
         except UserError as error:
-            # Of a file without a header, what the common version expected is the most telling.
+            # Without a header, the expectation of the common version is the most helpful.
             problem = problem or error
     assert problem is not None
     raise problem
@@ -252,7 +252,7 @@ def _listed(path: Path, cameras: int) -> tuple[list[str], list[str]]:
         file = path.with_name(name)
         if file.is_file():
             return _names(file, path, cameras), []
-    # Bundler itself writes into a folder of its own and leaves the list where it was started.
+    # Bundler itself writes into a separate folder and leaves the list where it was started.
     file = path.parent.parent / "list.txt"
     if path.parent.name == "bundle" and file.is_file():
         return _names(file, path, cameras), []

@@ -37,7 +37,7 @@ MOST = 2**28
 CENTRE = 0.5
 """Pixels from the corner of the first pixel to its centre."""
 AREA, MULTIPLE = 384 * 512, 8
-"""Pixels of MegaSaM's pictures, and what their sides are multiples of."""
+"""Pixels of MegaSaM's pictures, and the divisor of their sides."""
 MEGASAM, VIPE, DEPTH_ANYTHING = ("intrinsic", "cam_c2w"), ("data", "inds"), ("extrinsics", "intrinsics")
 
 

@@ -1,4 +1,4 @@
-"""Models of COLMAP, and of what writes like it: binary or text, with or without rigs and frames.
+"""Reader of COLMAP models, binary or text, with or without rigs and frames.
 
 Rigs and frames (COLMAP 4) are not read: the images have their poses in every version. Formats:
 https://colmap.github.io/format.html
@@ -17,7 +17,7 @@ FORMAT = "COLMAP"
 KINDS = {".bin": ("COLMAP binary", colmap_binary), ".txt": ("COLMAP text", colmap_text)}
 STEMS = ("cameras", "images", "points3D", "rigs", "frames")
 SUBFOLDERS = (".", "0", "sparse", "sparse/0")
-"""Where in the folder that the user names a model may be; COLMAP numbers its models."""
+"""Folders of a model within the named folder; COLMAP numbers its models."""
 
 
 def recognises(path: Path) -> bool:
@@ -31,10 +31,12 @@ def recognises(path: Path) -> bool:
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
-    """The model in a folder or beside a file of it, images in the order of their IMAGE_IDs.
+    """Read the model in a folder or beside one of its files, images in the order of their IMAGE_IDs.
 
-    Of a model that is there both as text and binary, the file that was named decides, else the binary one
-    is read. UserError with file, line or byte, and what was expected there. The file says its own size.
+    If both text and binary are there, the named file decides, or else the binary one is read.
+
+    Raises:
+        UserError: Something unexpected, with file, line or byte, and the expected content.
     """
     folder = path.parent if path.is_file() else _model_folder(path)
     if folder is None or (path.is_file() and path.suffix not in KINDS):

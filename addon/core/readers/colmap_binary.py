@@ -1,4 +1,4 @@
-"""COLMAP's binary files: little-endian, without padding, counts before what they count."""
+"""Reader of COLMAP's binary files: little-endian, without padding, counts before their items."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SIGHTING = 8
 
 
 class Cursor:
-    """A place in a file's bytes that moves on with what is read and never past the end."""
+    """A position in a file's bytes that moves on with each read and never past the end."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -27,10 +27,17 @@ def write_model(folder: Path, reconstruction: Reconstruction) -> None:
 
 
 def export_model(folder: Path, reconstruction: Reconstruction, names: Mapping[int, str] | None) -> None:
-    """Write a model whose images are called as `names` says by frame number, the others as `own_name`.
+    """Write a model in COLMAP's format.
 
-    Lenses are written as the simplest of COLMAP's camera models that they are. UserError for a name that
-    the format cannot hold.
+    Lenses are written as the simplest of COLMAP's camera models.
+
+    Args:
+        folder: Folder of the model.
+        reconstruction: The model.
+        names: Names of images by frame number; others are called by `own_name`.
+
+    Raises:
+        UserError: A name cannot be written in the format.
     """
     called = {image.frame: own_name(image.frame) for image in reconstruction.images} | dict(names or {})
     for name in called.values():

@@ -1,4 +1,4 @@
-"""What a COLMAP model holds, as read from text or binary files, and its check and assembly."""
+"""The content of a COLMAP model, read from text or binary files; its check and assembly."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class PointTable:
     """(m,) POINT3D_IDs."""
     points: Points
     place: Callable[[int], str]
-    """Where in its file the point of a row is."""
+    """Returns the place of a row's point in its file."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Tables:
 
 
 def wrong(place: str, expected: str) -> UserError:
-    """The error for what is not as expected at a place in a file."""
+    """Return the error for unexpected content at a place in a file."""
     return UserError(f"{place}: expected {expected}")
 
 
@@ -91,7 +91,11 @@ def name_of(place: str, raw: bytes) -> str:
 
 
 def contents(path: Path, names: Sequence[str]) -> bytes:
-    """A file's bytes; UserError that says what belongs to a model where it cannot be read."""
+    """Return a file's bytes.
+
+    Raises:
+        UserError: It cannot be read; the message lists the files of a model.
+    """
     try:
         if not path.is_file():
             raise UserError(f"{path} is missing; a COLMAP model has {', '.join(names)}")
@@ -143,7 +147,7 @@ def _check_points(table: PointTable) -> None:
 
 
 def _usable(values: Floats) -> NDArray[np.bool_]:
-    """Which numbers are finite and of a size to compute with; what is no number compares false."""
+    """Numbers that are finite and small enough to compute with; NaN compares false."""
     return np.asarray(np.abs(values) <= LARGEST)
 
 

@@ -72,7 +72,11 @@ class Lines(Iterator[tuple[int, bytes]]):
         return f"{self.path}, line {number}"
 
     def finish(self, what: str, count: int) -> None:
-        """UserError where less or more follows than COLMAP's header says: a cut text shows nowhere else."""
+        """Check that the number of records is that of COLMAP's header: a cut text shows nowhere else.
+
+        Raises:
+            UserError: There are fewer or more.
+        """
         if self._promise and self._promise[1] != count:
             place, promised = self._promise
             raise wrong(
@@ -127,7 +131,7 @@ def _features(place: str, words: list[bytes]) -> tuple[Floats, Longs]:
 
 
 def _points(path: Path) -> PointTable:
-    """Only what stands before the tracks: the images tell who sees a point."""
+    """Points without their tracks: the images have these."""
     lines = Lines(path)
     parts = [np.zeros(0, ROW)]
     parts += [_rows(lines, batch) for batch in batched(lines.telling(), BATCH, strict=False)]

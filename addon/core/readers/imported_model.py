@@ -1,4 +1,4 @@
-"""What every reader of another program's solve hands over, before it is matched with the clip."""
+"""The output of every reader, before it is matched with the clip."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from ..camera.reconstruction import Reconstruction
 
 @dataclass(frozen=True)
 class ImportedModel:
-    """A model as its file tells it, in our conventions, with images that know no clip yet."""
+    """A model as in its file, in our conventions, with images that are not matched with a clip."""
 
     format: str
     """For people: "COLMAP binary", "Bundler v0.3"."""
     reconstruction: Reconstruction
     """`Image.frame` is an index into `names`; units, origin and orientation are the file's own."""
     names: tuple[str, ...]
-    """Of all the file's images in its order, registered or not; empty strings where it names none."""
+    """Names of all images in the file's order, registered or not; empty strings without names."""
     notes: tuple[str, ...] = ()
-    """What the user should know: what was skipped, assumed or not understood."""
+    """Notes for the user: skipped, assumed and unknown content."""
     projected: bool = False
     """The file stores no feature positions: each feature is put where its point projects."""

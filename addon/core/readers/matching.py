@@ -37,7 +37,7 @@ class Imported:
     """`Image.frame` is the clip's own frame number, images in their order; not normalised."""
     format: str
     notes: tuple[str, ...]
-    """What the user should know, a sentence each."""
+    """Notes for the user, a sentence each."""
     projected: bool = False
     """As `ImportedModel.projected`."""
     placed: bool = False
@@ -45,14 +45,17 @@ class Imported:
 
     @property
     def lacks_points(self) -> bool:
-        """Whether no point is seen by two frames: there is none, or they were not tracked but computed from
-        depth, and their places in the frames say nothing of errors."""
+        """Return whether no point is seen by two frames.
+
+        There is none, or they were computed from depth, so that their places in the frames have no evidence
+        of errors.
+        """
         return not np.any(self.reconstruction.views_per_point > 1)
 
 
 @dataclass
 class _Pairing:
-    """A way to tell which image is which frame, and what came of it."""
+    """A way to assign images to frames, and its result."""
 
     frames: dict[int, int] = field(default_factory=dict)
     """From the image's index in the model to the clip's frame."""
@@ -106,7 +109,7 @@ def _pair(model: ImportedModel, footage: Footage) -> _Pairing:
     registered = [image.frame for image in model.reconstruction.images]
     ways = [] if footage.is_video else [_by(named, footage, _file_name), _by(named, footage, _stem)]
     ways.append(_by_number(named, footage))
-    # The most telling way comes first, and of equal counts max takes the first.
+    # The best way comes first, and max takes the first of equal counts.
     best = max(ways, key=lambda way: sum(index in way.frames for index in registered) + len(way.doubtful))
     if best.doubtful:
         first, second, frame = best.doubtful[0]
@@ -149,8 +152,10 @@ def _no_match(model: ImportedModel, footage: Footage) -> UserError:
 
 
 def if_every(cameras: int, frames: Sequence[int]) -> str:
-    """The end of an error where a clip has a multiple of a model's cameras, which may be of every second of
-    its frames; empty where it has not."""
+    """Return the end of an error for a clip with a multiple of a model's cameras; else an empty text.
+
+    The cameras may then belong to every second frame.
+    """
     step = round(len(frames) / max(cameras, 1))
     if step < 2 or -(-len(frames) // step) != cameras:
         return ""
@@ -175,7 +180,7 @@ def _file_name(parts: Parts) -> str:
 
 def _stem(parts: Parts) -> str:
     path = PurePosixPath(_file_name(parts))
-    # What looks like an extension may be the number of the frame.
+    # A supposed extension may be the frame number.
     return path.name if path.suffix[1:].isdecimal() else path.stem
 
 
@@ -235,7 +240,7 @@ def _shared_folders(one: Parts, other: Parts) -> int:
 
 
 def _natural(name: str) -> list[tuple[bool, int, str]]:
-    """Sorts img2 before img10, and empty names not at all."""
+    """Sort key: img2 before img10, and empty names first."""
     pieces = re.split(r"(\d{1,18})", name)
     return [(piece.isdecimal(), int(piece) if piece.isdecimal() else 0, piece) for piece in pieces if piece]
 
@@ -285,7 +290,7 @@ def _check_shape(camera: Intrinsics, footage: Footage) -> None:
 
 
 def at_one_place(model: Reconstruction) -> bool:
-    """Whether all cameras stand at one place: then the points have no depth of their own."""
+    """Return whether all cameras stand in one place: then the points have no depth."""
     centres = np.array([image.centre for image in model.images])
     if len(centres) < 2 or not len(model.points):
         return False

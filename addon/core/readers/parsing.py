@@ -1,7 +1,7 @@
-"""What the readers of text formats share: the lines of a file, its numbers, and where they stand.
+"""Common code of readers of text formats: lines, numbers, and their places in the file.
 
-No count in a file is believed before the bytes that it promises are there, and no number is used before
-it is known to be finite and of a size whose powers are finite too.
+A count in a file is not believed before its bytes are there, and a number is not used before it is known to
+be finite, with finite powers.
 """
 
 from __future__ import annotations
@@ -71,7 +71,11 @@ class Text:
         return None
 
     def demand(self, expected: str) -> str:
-        """The next line that is not blank; UserError that says what was expected where there is none."""
+        """Return the next line that is not blank.
+
+        Raises:
+            UserError: There is none; the message has the expected content.
+        """
         row = self.next()
         if row is None:
             raise self.ends(expected)
@@ -135,7 +139,7 @@ class Text:
         return UserError(f"{self.path}, line {self.line if line is None else line}: expected {expected}")
 
     def ends(self, expected: str) -> UserError:
-        """The error for a text that ends before what was expected."""
+        """Return the error for a text that ends too early."""
         return UserError(f"{self.path} ends at line {self.line}: expected {expected}; it may be truncated")
 
     def _values(self, piece: bytes) -> Floats:
@@ -145,7 +149,7 @@ class Text:
             values = reals(words)
         except ValueError:
             values = np.full(len(words), np.nan)
-        # What is not a number compares false, too.
+        # NaN compares false, too.
         if np.all(np.abs(values) <= LARGEST):
             return values
         for number, line in enumerate(piece.split(b"\n"), self.line + 1):

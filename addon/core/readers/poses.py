@@ -1,4 +1,4 @@
-"""What the readers of cameras without points share: from tables of poses and lenses to a model."""
+"""Common code of readers of cameras without points: from tables of poses and lenses to a model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OPENCV = np.eye(3)
 def finite(value: object, shape: tuple[int, ...], place: str, what: str) -> Floats:
     """Numbers of a file as an array of a shape, -1 for any length; UserError "PLACE: expected WHAT"."""
     try:
-        # What JSON holds may be ragged, text, or whole numbers of any size.
+        # JSON may hold ragged lists, text, or whole numbers of any size.
         array = np.asarray(value, dtype=np.float64)
         fits = array.ndim == len(shape) and all(a in (-1, b) for a, b in zip(shape, array.shape, strict=True))
     except (ValueError, TypeError, OverflowError):
@@ -46,11 +46,20 @@ def lens(place: str, model: str, size: tuple[float, float], values: Sequence[flo
 def cameras(
     to_world: Floats, axes: Floats, lenses: Sequence[Intrinsics], place: str, first: int = 0
 ) -> Reconstruction:
-    """Cameras without points from camera-to-world matrices (n, 3 or 4, 4) and n lenses.
+    """Make cameras without points.
 
-    `axes` (3, 3) turns the file's camera space into ours. `Image.frame` is the row, and `place` tells where
-    that of row 0 stands, with `{}` for its number, which begins at `first`. UserError for what is no
-    rotation.
+    Args:
+        to_world: (n, 3 or 4, 4) camera-to-world matrices.
+        axes: (3, 3) from the file's camera space to ours.
+        lenses: n lenses.
+        place: Place of a row in the file, with `{}` for its number.
+        first: Number of row 0.
+
+    Returns:
+        A model in which `Image.frame` is the row.
+
+    Raises:
+        UserError: A matrix is not a rotation.
     """
     kinds: dict[Intrinsics, int] = {}
     none, nowhere = np.zeros((0, 2)), np.zeros(0, dtype=np.int32)

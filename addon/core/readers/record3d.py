@@ -33,13 +33,13 @@ PICTURE = re.compile(r"rgbd/(\d{1,9})\.(jpg|jpeg|png)")
 MOST_METADATA, MOST_PICTURE = 2**28, 2**27
 """Bytes of each."""
 DIGITS = 3
-"""Of a pixel, to which frames' lenses are told apart: the phone's focus moves them all the time."""
+"""Digits of a pixel in lenses of frames: the phone's focus changes them all the time."""
 NO_DEPTH = "the recording's depth is packed as LZFSE, which cannot be read here: poses and pictures are taken"
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, KeyError)
 
 
 def recognises(path: Path) -> bool:
-    """Whether a file is such an archive; False where it cannot be read."""
+    """Return whether a file is such an archive; False if it is unreadable."""
     try:
         with open_regular(path) as file, zipfile.ZipFile(file) as archive:
             names = archive.namelist()
@@ -49,10 +49,10 @@ def recognises(path: Path) -> bool:
 
 
 def clip(path: Path) -> Path:
-    """The recording's pictures as a clip: unpacked beside it into a folder of their own, or as they are
-    there.
+    """Return the recording's pictures as a clip, unpacked beside it into a folder, unless they are there.
 
-    UserError where another folder has that name, or nothing can be written.
+    Raises:
+        UserError: Another folder has this name, or nothing can be written.
     """
     folder = path.with_name(f"{path.stem}_frames")
     try:
@@ -79,9 +79,10 @@ def clip(path: Path) -> Path:
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
-    """The cameras of a recording; the file says its own size.
+    """Read the cameras of a recording, which has its own size.
 
-    UserError naming what is not as expected.
+    Raises:
+        UserError: Something, which is named, is not as expected.
     """
     try:
         with open_regular(path) as file, zipfile.ZipFile(file) as archive:

@@ -33,11 +33,11 @@ SURE = 2
 ENOUGH = 0.5
 """Confidence of depth that is taken for depth: the phone's "medium". As StrayVisualizer has it."""
 DIGITS = 3
-"""Of a pixel, to which frames' lenses are told apart: the phone's focus moves them all the time."""
+"""Digits of a pixel in lenses of frames: the phone's focus changes them all the time."""
 
 
 def recognises(path: Path) -> bool:
-    """Whether a folder is such a recording."""
+    """Return whether a folder is such a recording."""
     return is_regular(path / ODOMETRY) and is_regular(path / MATRIX)
 
 
@@ -76,8 +76,14 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
 
 
 def depth(path: Path, frame: int) -> tuple[Floats, Floats] | None:
-    """What the phone's LiDAR measured at a frame, from 0: metres (h, w), NaN where nothing was, and
-    confidence (h, w) from 0 to 1; None where there is no file of it. UserError where that is damaged."""
+    """Return the LiDAR's depth of a frame, counted from 0; None without a file.
+
+    Returns:
+        Metres (h, w), NaN in unknown pixels, and confidence (h, w) from 0 to 1.
+
+    Raises:
+        UserError: The file is damaged.
+    """
     file, sure = (path / folder / f"{frame:06d}.png" for folder in ("depth", "confidence"))
     if not is_regular(file):
         return None
@@ -92,9 +98,16 @@ def depth(path: Path, frame: int) -> tuple[Floats, Floats] | None:
 
 
 def write_depth(path: Path, folder: Path) -> Path | None:
-    """Write what the LiDAR measured as depth maps of the recording's clip, 16-bit PNG in millimetres, 0 where
-    its confidence is below the middle; the folder, as it is where it is there, None where nothing was
-    measured. UserError where it cannot be written."""
+    """Write the LiDAR's depth as maps of the recording's clip, unless they are there.
+
+    They are 16-bit PNG in millimetres, 0 where confidence is below the middle.
+
+    Returns:
+        The folder; None without depth.
+
+    Raises:
+        UserError: It cannot be written.
+    """
     measured = sorted(int(file.stem) for file in (path / "depth").glob("*.png") if file.stem.isdecimal())
     if folder.exists() or not measured:
         return folder if folder.exists() else None

@@ -32,11 +32,11 @@ MODELS = {
     "RADIAL": PERSPECTIVE, "OPENCV": PERSPECTIVE, "PERSPECTIVE": PERSPECTIVE,
     "OPENCV_FISHEYE": FISHEYE, "FISHEYE": FISHEYE,
 }  # fmt: skip
-"""What `camera_model` may be, as COLMAP, nerfstudio and its converters call it."""
+"""Values of `camera_model`, as COLMAP, nerfstudio and its converters write it."""
 
 
 def recognises(path: Path) -> bool:
-    """Whether a file is JSON with frames and their matrices; False where it cannot be read."""
+    """Return whether a file is JSON with frames and their matrices; False if it is unreadable."""
     if path.suffix.lower() != ".json":
         return False
     try:
@@ -85,7 +85,7 @@ def _contents(path: Path) -> dict[str, Any]:
 
 
 def _lens(place: str, said: Mapping[str, Any], size: tuple[int, int]) -> Intrinsics:
-    """What is said of a frame's lens."""
+    """The lens of a frame."""
 
     def number(name: str, otherwise: float) -> float:
         value = said.get(name)

@@ -27,7 +27,7 @@ MOST_SIGHTINGS = 10_000_000
 """Points times frames that are looked at; of more, every frame gets its share of the points."""
 LARGEST_PICTURE = 1_000_000
 DIGITS = 6
-"""Of a pixel."""
+"""Digits of a pixel."""
 
 
 def recognises(path: Path) -> bool:
@@ -41,10 +41,12 @@ def recognises(path: Path) -> bool:
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
-    """Read the cameras and points of an export; the file says its pictures' size itself.
+    """Read the cameras and points of an export.
 
-    It has no 2D tracks, so a frame's features are where its points project. Raises UserError naming the line
-    that is not what was expected.
+    The file has its pictures' size, and no 2D tracks: a frame's features are the projections of its points.
+
+    Raises:
+        UserError: A line, which is named, is not as expected.
     """
     text = Text(path)
     if not re.match(r"#\s*text export", text.demand("'# Text export'"), re.IGNORECASE):

@@ -156,7 +156,7 @@ class Networks:
 
         Args:
             picture: (h, w, 3) uint8 RGB, display-encoded.
-            region: Where the person is.
+            region: Area of the person.
 
         Returns:
             (h, w) float32 probability, 0 outside of the region, and the probability that a person is there.

@@ -92,8 +92,8 @@ def body(networks: Networks, picture: Bytes, box: Box, there: Mask, least: float
     Args:
         networks: The networks.
         picture: (h, w, 3) uint8 RGB.
-        box: Where people are looked for.
-        there: (h, w) where the subject is expected.
+        box: Area of the search for people.
+        there: (h, w) expected subject.
         least: Intersection over union of the person with that, from which on it is the subject.
 
     Returns:
