@@ -45,8 +45,11 @@ def subjects_of(options: argparse.Namespace, frame: int) -> tuple[MarkedSubject,
 
 
 def focused_subjects(options: argparse.Namespace) -> list[tuple[str, int | None]]:
-    """Names of the subjects in focus, and the frames at which they are, where these are given; UserError for
-    what is not understood, or names a subject that no stroke marks."""
+    """Return the names of the subjects in focus, and their frames, where given.
+
+    Raises:
+        UserError: A name is not valid, or no stroke marks the subject.
+    """
     marked = [subject.name for subject in subjects_of(options, 0)]
     found = []
     for text in options.focus_subject or ():
