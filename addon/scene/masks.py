@@ -61,7 +61,7 @@ class DrawnMask:
 
 
 def drawn_mask(mask: bpy.types.Mask, frames: Iterable[int], size: tuple[int, int]) -> DrawnMask:
-    """Read the mask at all frames of a clip of size (width, height), with shape keys and feather.
+    """Read the mask in every frame of a clip of size (width, height), with shape keys and feather.
 
     Points that follow a track keep their place. The frames are evaluated in a temporary scene, on the main
     thread; the user's scene stays at its frame.

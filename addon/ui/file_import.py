@@ -129,7 +129,7 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         name = Path(self.filepath).name
-        # Not in `poll`: Blender would take no drop then, and say nothing.
+        # Not in `poll`: Blender would then refuse the drop without a message.
         operators.check_may_change(context.scene)
         if not context.scene.virtual_aperture.footage and import_solve.recorded(self.filepath) is None:
             raise UserError(f"{name} is a solve, but no clip has been chosen for it; drop the clip first")

@@ -1,4 +1,4 @@
-"""What panels tell of what will not go as the user may think."""
+"""Warnings in panels."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """What is to be known of the solved clip: damage, and frames that do not follow each other evenly."""
+    """Draw notes on the solved clip: damage, and uneven frames."""
     settings = context.scene.virtual_aperture
     if settings.points is not None and settings.clip_notes:
         box = layout.box()
@@ -86,7 +86,7 @@ def draw_shape(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def draw_ignored(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """What the scene asks for and the render will not give."""
+    """Draw the settings of the scene that renders ignore."""
     if lines := ignored(context.scene):
         box = layout.box()
         for line in lines:

@@ -22,13 +22,13 @@ from .work import LOOK, Work
 EXAMPLE = "0.44,0.26 0.45,0.5"
 NOTHING = "There is nothing to take away from yet"
 CORNERS = 5
-"""Corners of the stroke that marks a person who was found."""
+"""Corners of the stroke that marks a found person."""
 APART = 0.004
 """Share of the picture between two corners of a stroke."""
 
 
 class LitUp:
-    """What of a subject is known in a frame."""
+    """The known pixels of a subject in a frame."""
 
     def __init__(self, carried: CarriedSubject, frame: int) -> None:
         self.carried, self.frame = carried, frame

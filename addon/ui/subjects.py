@@ -63,7 +63,7 @@ class WorksOnActive(OfActive, WorksMeanwhile):
         return self.work_on(shot_of(context.scene).context)
 
     def work_on(self, clip: ClipContext) -> Callable[[], Any]:
-        """What is to be computed of the subject."""
+        """Return the computation of the subject."""
         raise NotImplementedError
 
 

@@ -38,7 +38,7 @@ class Work[T]:
         return not self._thread.is_alive()
 
     def result(self) -> T:
-        """What the function returned, once it has ended; raises what it raised."""
+        """Return the function's result after its end, or raise its error."""
         if self.error is not None:
             raise self.error
         return self._value[0]
@@ -56,7 +56,7 @@ class Work[T]:
             with paused, reporting(self._on_progress):
                 self._on_progress("", 0.0)
                 self._value.append(function())
-        except BaseException as error:  # told where it is waited for
+        except BaseException as error:  # The error is reported by the waiting operator.
             self.error = error
 
     def _on_progress(self, stage: str, share: float) -> None:
