@@ -43,7 +43,7 @@ def _prepare() -> None:
     # Before Blender loads NumPy.
     for name, value in importlib.import_module(f"{PACKAGE}.core.base.job").ONE_BLAS_THREAD.items():
         os.environ.setdefault(name, value)
-    # Before Blender opens files of its own.
+    # Before Blender opens files.
     importlib.import_module(f"{PACKAGE}.core.base.streams").open_all()
 
 
@@ -68,21 +68,21 @@ def _end(number: int, _frame: object) -> None:
 
 
 def _leave(status: int) -> NoReturn:
-    """End the process with a status, here and now.
+    """End the process with a status immediately.
 
-    What was written is whole and in its place, and locks and folders of ours are gone. To take down Blender,
-    the driver and their threads would be the system's work done twice, and it can fail: a run that had said
-    "wrote" did not end, and where memory is short libraries crash then, with a status that is not ours.
+    Written files are complete and in place, and our locks and folders are removed. Shutting down Blender, the
+    driver and their threads repeats the system's work, and can fail: one run did not end after its last line,
+    and with little memory libraries crash then, with another status.
     """
     try:
         sys.stdout.flush()
         sys.stderr.flush()
     except OSError:
-        # Whoever listened is gone. Python's own status for that.
+        # The listener is gone. Python's own status for this case.
         status = status or 120
     if bpy := sys.modules.get("bpy"):
         own = Path(bpy.app.tempdir)
-        # Where Blender could make none of its own, this is the folder that all programs share.
+        # Without Blender's temporary folder, this is the folder shared by all programs.
         if own.name.startswith("blender_"):
             shutil.rmtree(own, ignore_errors=True)
     os._exit(status)
@@ -109,7 +109,7 @@ if __name__ == "__main__":
     for heard in ending:
         signal.signal(heard, _end)
     status = main(given)
-    # What was to be done is done, or was said to have failed.
+    # The command is done, or its failure was reported.
     for heard in ending:
         signal.signal(heard, signal.SIG_IGN)
     _leave(status)

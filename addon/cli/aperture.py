@@ -22,7 +22,7 @@ def _bounds(option: Option) -> str:
 
 
 def add_aperture(command: argparse.ArgumentParser) -> None:
-    """`--aperture KEY=VALUE ...`"""
+    """Add `--aperture KEY=VALUE ...`."""
     keys = [f"{key} ({_bounds(each)}): {each.help}" for key, each in APERTURE_OPTIONS.items()]
     command.add_argument(
         "--aperture", nargs="+", type=_word, metavar="KEY=VALUE",

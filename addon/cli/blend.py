@@ -38,12 +38,22 @@ def open_scene(blend: Path, scripts: bool = False) -> bpy.types.Scene:
 def open_blend(
     blend: Path, name: str = "", scripts: bool = False, as_is: bool = False
 ) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
-    """The scene of a .blend, or its scene of that name, to have the clip's frames rendered, and those of the
-    clip that were solved; its own scripts run where `scripts` says so.
+    """Open a scene of a .blend to render the clip's frames.
 
-    What frames have no key of is as in a fresh scene: the compositor, the sequencer, the border and the view
-    transform have no part in them. With `as_is` they have, and no other run's frames are taken for this
-    one's. UserError where it cannot be opened or holds no solved clip.
+    Inputs that frames have no key of are as in a fresh scene: the compositor, the sequencer, the border and
+    the view transform have no influence. With `as_is` they have, and other runs' frames are not reused.
+
+    Args:
+        blend: The file.
+        name: Name of the scene; the file's own by default.
+        scripts: True to run the file's scripts.
+        as_is: True to keep the scene unchanged.
+
+    Returns:
+        The scene, its settings, and the solved frames of the clip.
+
+    Raises:
+        UserError: It cannot be opened or has no solved clip.
     """
     if not blend.is_file():
         raise UserError(f"{blend} is not there; name a .blend that save or farm wrote")
@@ -71,7 +81,7 @@ def open_blend(
 
 
 def _is_plain(scene: bpy.types.Scene) -> bool:
-    """Whether Blender writes the engine's frames as they are."""
+    """Return whether Blender writes the engine's frames unchanged."""
     render, view, editor = scene.render, scene.view_settings, scene.sequence_editor
     is_composited = render.use_compositing and scene.compositing_node_group is not None
     is_cut = render.use_sequencer and editor and any(strip.type != "SOUND" for strip in editor.strips)

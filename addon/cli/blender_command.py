@@ -1,7 +1,7 @@
 """The command line of an installed extension: `blender --command virtual_aperture ARGS`.
 
-A Blender without the extension ends with status 1 and says that it does not know the command, so nothing is
-ever rendered by another engine instead.
+A Blender without the extension ends with status 1 and an error about the command, so that no other engine
+renders instead.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ def add_command(
 
 
 def depth(options: argparse.Namespace) -> None:
-    """`depth DIR` or `depth FILE.blend`"""
+    """Run `depth DIR` or `depth FILE.blend`."""
     if is_blend(options.work):
         if options.mask or options.subject or options.colour_space:
             raise UsageError(f"{options.work.name} has masks, strokes and a color space of its own")
@@ -59,13 +59,13 @@ def depth(options: argparse.Namespace) -> None:
 FEWEST_JUMPS = 3
 """Frames in which what moves jumps that are worth a word: it may come into view, and leave. By eye."""
 WORDED = " (--subject X,Y)"
-"""What this interface calls that."""
+"""Name of this remedy in the interface."""
 WHOLE = argparse.Namespace(mask=None, subject=None, colour_space=None, frames=None, jobs=None, child=False)
-"""Options that say nothing."""
+"""Options without any value."""
 
 
 def depth_of_solve(solved: Solve, options: argparse.Namespace = WHOLE) -> UserError | None:
-    """`keep_depth` of a solve, with what the options say that moves."""
+    """Call `keep_depth` of a solve, with the options' moving objects."""
     scene, settings, footage = scene_of(solved)
     set_moving(settings, solved, options)
     return keep_depth(scene, wanted_frames(footage, options.frames), options)
@@ -93,7 +93,7 @@ def keep_depth(
             _say_jumps(shot, frames)
         return None
     if options.child:
-        # Whoever started it counts the frames of all its processes.
+        # The parent counts the frames of all its processes.
         return problem
     there = sum(shot.context.stereo.kept(each) is not None for each in frames)
     kept = f"the depth of {there} of {counted(len(frames), 'frame')} is kept in {shot.work}"
@@ -101,7 +101,7 @@ def keep_depth(
 
 
 def _say_jumps(shot: Shot, frames: Sequence[int]) -> None:
-    """Say in which frames what moves is found otherwise than before, where nobody has said what moves."""
+    """Print the frames with jumps of moving pixels, if the user has marked nothing."""
     if shot.subjects or shot.masks or shot.drawn:
         return
     kept = (shot.context.stereo.kept(frame) for frame in frames)

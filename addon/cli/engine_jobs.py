@@ -1,4 +1,4 @@
-"""Jobs that the engine has other processes do: frames ahead of its own, and CG objects."""
+"""Jobs of the engine in other processes: frames ahead of its render, and CG objects."""
 
 from __future__ import annotations
 
@@ -54,8 +54,7 @@ JOBS = {"cg": draw_cg, "frames": draw_frames}
 
 
 def read_job(file: Path, parser: argparse.ArgumentParser) -> argparse.Namespace:
-    """The options of the job that another process of ours has started this one for, as `launcher.start` wrote
-    them."""
+    """Return the options of this process's job, written by `launcher.start`."""
     speak()
     told = json.loads(file.read_text(encoding="utf-8"))
     own = JOBS.get(told["arguments"][0])

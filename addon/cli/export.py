@@ -45,7 +45,7 @@ def add_command(
 
 
 def export(options: argparse.Namespace) -> None:
-    """`export DIR|FILE.blend --what WHAT --out OUT`, or `export DIR --model OUT`"""
+    """Run `export DIR|FILE.blend --what WHAT --out OUT`, or `export DIR --model OUT`."""
     if options.model is not None:
         if options.out is not None or options.frames is not None or given_lens(options):
             raise UsageError("--model exports the whole solve and takes no other options; see --help")

@@ -179,7 +179,7 @@ def _copy_scene(source: Path, options: argparse.Namespace, folder: Path) -> list
     scene, settings, footage = scene_of(solved)
     frames = movie_frames(footage, options.frames)
     scene.frame_start, scene.frame_end = frames[0], frames[-1]
-    # What the lens asks for is wrong now or never.
+    # Errors of the lens are reported now or never.
     set_lens(settings, solved, options, frames)
     say_lens(settings, solved.reconstruction, frames)
     clip = copy_clip(solved.open_clip(), folder)
@@ -196,8 +196,10 @@ def _copy_scene(source: Path, options: argparse.Namespace, folder: Path) -> list
 def _copy_clip(
     source: Path, options: argparse.Namespace, folder: Path
 ) -> tuple[list[int], Path, Path | None]:
-    """Copy a clip that the job is to solve into a folder, with the lens and the user's pictures; the frames
-    that are to be rendered, and the copies of the clip and of its depth maps."""
+    """Copy a clip for a job into a folder, with the lens and the user's pictures.
+
+    Returns the frames to render, and the copies of the clip and of its depth maps.
+    """
     footage = open_footage(source, options.solve_frames, stills=options.stills)
     frames = movie_frames(footage, options.frames)
     clip = copy_clip(open_footage(source, stills=options.stills), folder)
@@ -225,8 +227,10 @@ def _copy_solve(source: Path, target: Path, clip: Path) -> None:
 
 
 class _Texts:
-    """The user's texts as a template can hold them: Open Job Description reads what is in double braces, and
-    knows no escape. A text that has some is a parameter of the job, whose value is not read."""
+    """The user's texts in a template: Open Job Description reads text in double braces, and has no escape.
+
+    A text with double braces becomes a parameter of the job, whose value is not read.
+    """
 
     def __init__(self) -> None:
         self.parameters: list[dict[str, str]] = []

@@ -48,7 +48,7 @@ def add_command(
 
 
 def inspect(options: argparse.Namespace) -> None:
-    """`inspect DIR --frame N ... --out OUT`"""
+    """Run `inspect DIR --frame N ... --out OUT`."""
     out: Path = options.out.absolute()
     files = [out / name for name in (*(f"{name}.png" for name in NAMES), REPORT)]
     for file in files:
@@ -71,7 +71,7 @@ def inspect(options: argparse.Namespace) -> None:
     # A focus that is followed is another one at each frame.
     go_to(scene, options.frame)
     pictures, report = _inspected(scene, options.frame, options.debug)
-    # What this frame does not have must not be left from another one.
+    # Pictures that this frame lacks must not be left from another one.
     for file in there:
         file.unlink()
     for name, picture in pictures.items():

@@ -103,7 +103,7 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
 
 
 def add_moving(command: argparse.ArgumentParser) -> None:
-    """What the user says of the clip, which depth depends on: what moves by itself, and its colour space."""
+    """Add the options of the clip that depth depends on: moving objects, and its colour space."""
     command.add_argument(
         "--mask",
         type=path,
@@ -143,8 +143,13 @@ def given_lens(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def check_lens(options: argparse.Namespace, required: bool) -> None:
-    """UsageError for a lens beside a .blend, which has its own, and for none, where one is `required`, beside
-    a folder that keeps a solve; UserError as `check_numbers`."""
+    """Check the presence of a lens.
+
+    Raises:
+        UsageError: There is a lens beside a .blend, which has its own, or none although it is `required`
+            beside a folder.
+        UserError: As of `check_numbers`.
+    """
     given = [f"--{name.replace('_', '-')}" for name in given_lens(options)]
     if given and is_blend(options.work):
         raise UsageError(f"{options.work.name} has its own lens, so leave out {', '.join(given)}; see --help")
@@ -160,8 +165,11 @@ def write_lens(file: Path, given: dict[str, Any]) -> None:
 
 
 def read_lens(file: Path, options: argparse.Namespace) -> None:
-    """Take options of `add_lens` from a file that `write_lens` wrote, or people edited; UserError naming the
-    file where it holds anything else, and as `check_numbers`."""
+    """Read options of `add_lens` from a file that `write_lens` wrote, or people edited.
+
+    Raises:
+        UserError: The file, which is named, holds anything else; else as of `check_numbers`.
+    """
     try:
         held = json.loads(read_regular(file))
     except (OSError, ValueError, RecursionError) as error:
@@ -184,7 +192,7 @@ def read_lens(file: Path, options: argparse.Namespace) -> None:
 
 
 def has_focus(options: argparse.Namespace) -> bool:
-    """Whether the options tell what is in focus."""
+    """Return whether the options have a focus."""
     places = (options.focus_at, options.focus_point, options.focus_plane, options.focus_subject)
     return any(places) or options.focus_distance is not None
 
@@ -223,8 +231,12 @@ def all_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
 
 
 def check_numbers(options: argparse.Namespace) -> None:
-    """What can be refused before an hour of solving: UserError, and UsageError where a focus is needed and
-    none is given."""
+    """Check everything that can be rejected before a long solve.
+
+    Raises:
+        UserError: A value is not valid.
+        UsageError: A needed focus is missing.
+    """
     if getattr(options, NEEDED) and not has_focus(options):
         raise UsageError(
             "one of --focus-at, --focus-point, --focus-plane, --focus-distance and --focus-subject is"
@@ -248,8 +260,10 @@ def check_numbers(options: argparse.Namespace) -> None:
 
 
 def _focus_places(options: argparse.Namespace) -> list[tuple[str, int | None]]:
-    """What is to be in focus, in words, and the frames; UserError for what is not understood, for places that
-    are not in the picture, and for a subject beside points or a distance."""
+    """The focus places in words, and their frames.
+
+    UserError for invalid words, places outside of the picture, and a subject beside points or a distance.
+    """
     found = list[tuple[str, int | None]]()
     for x, y, frame in map(_place, options.focus_at or ()):
         if not (0 <= x <= 1 and 0 <= y <= 1):
@@ -262,7 +276,7 @@ def _focus_places(options: argparse.Namespace) -> list[tuple[str, int | None]]:
 
 
 def _check_places(places: Sequence[tuple[str, int | None]]) -> None:
-    """UserError for several places that do not tell their frames, each its own."""
+    """UserError for several places without different frames."""
     frames = [frame for _, frame in places]
     if len(frames) > 1 and None in frames:
         place = places[frames.index(None)][0]
@@ -330,9 +344,9 @@ def _chosen_focus(
     options: argparse.Namespace,
     frames: Sequence[int],
 ) -> tuple[Focus, int, list[Place]]:
-    """What is in focus, the frame at which it is, and the places that were picked, each in its frame.
+    """The focus, its frame, and the picked places, each in its frame.
 
-    `frames` as of `set_lens`.
+    `frames` are those of `set_lens`.
     """
     own = int(reconstruction.frames[0])
     if points := options.focus_point or options.focus_plane:
@@ -362,7 +376,7 @@ def _chosen_focus(
 
 
 def _set_depth_maps(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
-    """The user's depth maps of the clip, and what is to be said of them."""
+    """Set the user's depth maps of the clip, and print notes on them."""
     if options.depth:
         maps = open_depth(options.depth.absolute(), solved.open_clip(solved.frames))
         for note in maps.notes:
@@ -376,9 +390,17 @@ def set_moving(
     options: argparse.Namespace,
     frames: Sequence[int] = (),
 ) -> None:
-    """Write what the options of `add_moving` say into the settings, `frames` as of `set_lens`, and say what
-    is to be said of masks; UserError for strokes that are not understood, masks that cannot be read, and
-    a colour space that there is not."""
+    """Write the options of `add_moving` into the settings, and print notes on masks.
+
+    Args:
+        settings: The settings.
+        solved: The solve.
+        options: Those of the command.
+        frames: As of `set_lens`.
+
+    Raises:
+        UserError: A stroke or colour space is not valid, or a mask cannot be read.
+    """
     if options.colour_space:
         settings.colour_space = colour_space.checked(options.colour_space)
         colour_space.colour_space(settings.colour_space)
@@ -393,8 +415,10 @@ def set_moving(
 def say_lens(
     settings: VirtualApertureSettings, reconstruction: Reconstruction, frames: Sequence[int] = ()
 ) -> None:
-    """Say how large blur discs are, and what is sharp, in the first registered frame of `frames` (by default
-    the clip's), with the focus that it has there."""
+    """Print the sizes of blur discs and the sharp range.
+
+    They are those of the first registered frame of `frames` (by default the clip's), with its focus.
+    """
     scene, frame = settings.id_data, _registered(reconstruction, frames)
     before, subframe = scene.frame_current, scene.frame_subframe
     go_to(scene, frame)
@@ -427,7 +451,7 @@ def _sharp(reconstruction: Reconstruction, focus: Focus, frame: int, radius: flo
 
 
 def _registered(reconstruction: Reconstruction, frames: Sequence[int]) -> int:
-    """The first of `frames` with a camera of its own, or the nearest to the first of them."""
+    """The first of `frames` with a camera, or the nearest to the first of them."""
     own = reconstruction.frames
     found = [frame for frame in frames if frame in own]
     if found or not len(frames):

@@ -63,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
     top.set_defaults(words=WORDS)
     common = Parser(add_help=False)
     common.add_argument("--debug", action="store_true", help="show a traceback with errors")
-    # What only a job's file says.
+    # Arguments that only a job's file has.
     common.set_defaults(child=False, scene="", scripts=False, as_is=False)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
@@ -135,7 +135,7 @@ def _check_apart(options: argparse.Namespace, *sources: Path | None) -> None:
 
 
 def render(options: argparse.Namespace) -> None:
-    """`render DIR ... --out OUT` or `render FILE.blend --out OUT`"""
+    """Run `render DIR ... --out OUT` or `render FILE.blend --out OUT`."""
     _check_output(options)
     check_lens(options, required=True)
     with output.claimed(options.out.absolute()):
@@ -144,7 +144,7 @@ def render(options: argparse.Namespace) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """`run FOOTAGE ... --out OUT`"""
+    """Run `run FOOTAGE ... --out OUT`."""
     _check_output(options)
     check_numbers(options)
     _check_apart(options, options.footage, options.mask, options.depth)
@@ -198,7 +198,7 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
         frames = list(wanted_frames(footage, options.frames))
     if solved is not None:
         if options.grain is None and out.suffix.lower() == ".exr" and not options.for_movie:
-            # Who composites adds grain last.
+            # Compositing adds grain last.
             options.grain = 0.0
         # A share of a farm's job focuses as the whole does.
         set_lens(settings, solved, options, () if options.for_movie else frames)
@@ -237,7 +237,7 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
 
 
 def _draw(scene: bpy.types.Scene, frames: list[int], options: argparse.Namespace) -> RunReport:
-    """Render frames into the output, in as many processes as work well; what they were drawn from."""
+    """Render frames into the output, in as many processes as fit; returns their report."""
     out: Path = options.out.absolute()
     silent = contextlib.nullcontext(1) if options.debug else quiet(1)
     with sharing(options, len(frames), shot_of(scene)) as count:
@@ -296,8 +296,7 @@ def _side_by_side(
 
 
 class _Interrupted(KeyboardInterrupt):
-    """Whoever runs the command wants it to end: Ctrl-C, SIGTERM, as farms send before they kill, or SIGHUP, a
-    terminal that was closed."""
+    """Ctrl-C, SIGTERM, which farms send before they kill, or SIGHUP of a closed terminal."""
 
 
 _signal = 0
@@ -346,7 +345,7 @@ def run_command(arguments: list[str]) -> int:
     global _signal
     _signal, debug, words = 0, "--debug" in arguments, WORDS
     streams.open_all()
-    # Blender's program has a handler of its own for Ctrl-C, which only ends the frame under way.
+    # Blender's program has another handler for Ctrl-C, which only ends the present frame.
     before = {number: signal.signal(number, _interrupt) for number in _ending()}
     try:
         collect_temporary()
@@ -366,7 +365,7 @@ def run_command(arguments: list[str]) -> int:
         text = _message(error, words)
         status = 128 + _signal if _signal else 2 if isinstance(error, UsageError) else 1
         if isinstance(error, UserError) and not _signal:
-            # The parent has its own words for what helps.
+            # The parent has other words for the remedies.
             send(Failure(str(error), status, error.remedies))
         else:
             send(Failure(text, status))
@@ -380,7 +379,7 @@ def run_command(arguments: list[str]) -> int:
 
 
 def _message(error: BaseException, words: Words) -> str:
-    """One readable line for everybody; the traceback is for those who ask."""
+    """One readable line; `--debug` shows the traceback."""
     if _signal:
         return "interrupted; finished frames are kept"
     if isinstance(error, UserError):

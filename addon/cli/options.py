@@ -1,4 +1,4 @@
-"""The parser of the command line, and the types of its options: what is refused is refused in one line."""
+"""The parser of the command line, and the types of its options; errors have one line."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ SMALLEST = 1e-15
 
 
 class UsageError(UserError):
-    """Arguments that are not understood: status 2, which farms tell from a task that failed."""
+    """Invalid arguments: status 2, which farms distinguish from a failed task."""
 
 
 class Parser(argparse.ArgumentParser):
     """A parser whose errors are `UsageError`s, one line as all others of a command are."""
 
     def error(self, message: str) -> NoReturn:
-        """UsageError that says where help is."""
+        """Raise UsageError with a hint at the help."""
         raise UsageError(f"{message}; see {self.prog} --help")
 
 
@@ -64,7 +64,7 @@ def _words(option: Option) -> Mapping[str, Any]:
 
 
 def value_type(option: Option) -> Callable[[str], Any]:
-    """The type of a declared option on the command line: angles in degrees, and words for what has some."""
+    """Return the command line's type of a declared option: angles in degrees, and words for some values."""
 
     def parse(text: str) -> Any:
         words = _words(option)
@@ -94,7 +94,7 @@ def _value(option: Option, text: str) -> Any:
 
 
 def text_of(option: Option, value: Any) -> str:
-    """A value as the command line takes it: what `value_type` makes that value of."""
+    """Return a value as the command line writes it: the inverse of `value_type`."""
     for word, meant in _words(option).items():
         if meant == value:
             return word

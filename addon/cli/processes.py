@@ -25,8 +25,16 @@ def add_jobs(command: argparse.ArgumentParser) -> None:
 
 @contextmanager
 def sharing(options: argparse.Namespace, frames: int, shot: Shot) -> Iterator[int]:
-    """How many processes take a share of so many frames each, this one included: those that are asked for, or
-    else as many as fit and are worth their start. Where it is not alone, it has one thread within."""
+    """Yield the number of processes that share frames, this one included.
+
+    It is the requested number, or else as many as fit and are worth their start. With several, each has one
+    thread.
+
+    Args:
+        options: Those of the command.
+        frames: Number of frames.
+        shot: The clip.
+    """
     pixels = shot.footage.width * shot.footage.height
     count = options.jobs or max(1, min(frames // jobs.LEAST_SHARE, jobs.fitting(pixels)))
     with limits.one_thread() if count > 1 else nullcontext():

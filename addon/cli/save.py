@@ -38,7 +38,7 @@ MASKS, DEPTH, APERTURE = "masks", "depth", "aperture"
 """Folders beside the .blend, or within a farm's bundle, for copies of the user's pictures."""
 
 MOST_NAMED = 5
-"""Of files and folders beside a .blend; of more the first and the last are named. By eye: a line."""
+"""Files and folders beside a .blend that are named; of more, the first and the last. Chosen for one line."""
 
 
 def add_command(
@@ -120,8 +120,11 @@ def save(options: argparse.Namespace) -> None:
 def copied(
     folder: Path, footage: Footage, depth: Path | None, masks: Path | None, image: Path | None
 ) -> tuple[Path | None, Path | None, Path | None]:
-    """Copies in a folder of the user's depth maps and masks of a clip and of the aperture's picture; None for
-    what there is none of."""
+    """Copy the user's depth maps and masks of a clip and the aperture's picture into a folder.
+
+    Returns:
+        The copies; None for missing ones.
+    """
     if image is not None:
         copy_file(image, folder / APERTURE / image.name)
     return (
@@ -132,8 +135,11 @@ def copied(
 
 
 def copy_beside(settings: VirtualApertureSettings, footage: Footage, folder: Path) -> list[Path]:
-    """Copy the user's depth maps, masks and aperture into a folder and let the settings lead there; their
-    new paths."""
+    """Copy the user's depth maps, masks and aperture into a folder, and set the new paths.
+
+    Returns:
+        The new paths.
+    """
     held = settings.depth_maps, settings.masks, settings.shape.image
     copies = copied(folder, footage, *(absolute(path) if path else None for path in held))
     new = [str(path) if path is not None else "" for path in copies]

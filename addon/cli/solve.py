@@ -137,7 +137,7 @@ def solve_arguments(options: argparse.Namespace) -> list[str]:
 
 
 def solve(options: argparse.Namespace) -> None:
-    """`solve FOOTAGE --work DIR [--depth]`"""
+    """Run `solve FOOTAGE --work DIR [--depth]`."""
     solved = solve_clip(options, options.work, depth_maps=options.depth_maps)
     say_quality(solved, options.words)
     if options.depth and (problem := depth_of_solve(solved)):
@@ -145,7 +145,7 @@ def solve(options: argparse.Namespace) -> None:
 
 
 def say_quality(solved: Solve, words: Words) -> None:
-    """What a solve found, and what would help it."""
+    """Print the report on a solve, and advice."""
     say("\n".join(filter(None, (solved.summary, solved.quality.advised(words)))))
 
 
@@ -155,8 +155,14 @@ def solve_clip(
     check: Callable[[Footage], object] = lambda _: None,
     depth_maps: Path | None = None,
 ) -> Solve:
-    """Solve the clip into the folder, or take the solve that is there. `check` is given the clip first, and
-    what it raises ends the solve; `depth_maps` are the user's."""
+    """Solve the clip into the folder, or take the existing solve.
+
+    Args:
+        options: Those of the command.
+        work: Working folder.
+        check: Called with the clip first; its error ends the solve.
+        depth_maps: The user's.
+    """
     process = SolveProcess(
         options.footage, work.absolute(), options.solve_frames, _focal(options), options.again,
         options.tracker, options.zoom, depth_maps=depth_maps, stills=options.stills,
@@ -175,13 +181,13 @@ def _wait(process: SolveProcess, check: Callable[[Footage], object] = lambda _: 
 
 
 def report(options: argparse.Namespace) -> None:
-    """`report DIR [--json]`"""
+    """Run `report DIR [--json]`."""
     quality = load_solve(options.work.absolute()).quality
     say(json.dumps(quality.as_dict(), indent=1) if options.json else quality.text(options.words))
 
 
 def import_model(options: argparse.Namespace) -> None:
-    """`import MODEL --footage FOOTAGE --work DIR`"""
+    """Run `import MODEL --footage FOOTAGE --work DIR`."""
     work: Path = options.work.absolute()
     if options.offset and options.camera is None:
         raise UsageError("--offset needs --camera; name the camera it applies to")
@@ -239,7 +245,7 @@ def _from_blend(path: Path, name: str | None, footage: Footage) -> Imported:
 
 
 def _focal(options: argparse.Namespace) -> Focal | None:
-    """What the options tell of the focal length."""
+    """The focal length by the options."""
     focal_mm, sensor_mm = options.focal_mm, options.sensor_mm
     if sensor_mm is not None and focal_mm is None:
         raise UserError("--sensor-mm needs --focal-mm, the lens's focal length")

@@ -33,8 +33,10 @@ def add_focus_subject(command: argparse.ArgumentParser) -> None:
 
 
 def subjects_of(options: argparse.Namespace, frame: int) -> tuple[MarkedSubject, ...]:
-    """The subjects that strokes mark; one that names no frame is in `frame`. UserError for a stroke that is
-    not understood."""
+    """The subjects that strokes mark; one that names no frame is in `frame`.
+
+    UserError for a stroke that is not understood.
+    """
     strokes = dict[str, list[Stroke]]()
     for words in options.subject or ():
         name, stroke = _stroke(words, frame)
@@ -43,8 +45,11 @@ def subjects_of(options: argparse.Namespace, frame: int) -> tuple[MarkedSubject,
 
 
 def focused_subjects(options: argparse.Namespace) -> list[tuple[str, int | None]]:
-    """Names of the subjects in focus, and the frames at which they are, where these are given; UserError for
-    what is not understood, or names a subject that no stroke marks."""
+    """Return the names of the subjects in focus, and their frames, where given.
+
+    Raises:
+        UserError: A name is not valid, or no stroke marks the subject.
+    """
     marked = [subject.name for subject in subjects_of(options, 0)]
     found = []
     for text in options.focus_subject or ():

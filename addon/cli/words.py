@@ -1,4 +1,4 @@
-"""What the command line calls the ways out of an error."""
+"""Names of the remedies of errors on the command line."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ SOLVED_WORDS: Words = {
     Remedy.STEP: "--solve-frames A-B:STEP",
     Remedy.DEPTH_MAPS: "--depth PATH",
 }
-"""Of commands whose `--frames` are those that are rendered, and whose depth maps are those of the lens."""
+"""Words of commands whose `--frames` are the rendered ones, and whose depth maps are the lens's."""
 IMPORT_WORDS: Words = {**WORDS, Remedy.DEPTH_MAPS: "render DIR --depth PATH"}
-"""Of `import`, whose depth maps are those of a later render."""
+"""Words of `import`, whose depth maps are those of a later render."""

@@ -26,20 +26,21 @@ from . import gpu_views
 TOLD = 0.3
 """Share of the time of drawing that is over once it is known how many views there are to be. By eye."""
 MOST_SOFTER = 0.05
-"""Share of a frame that its own lens may have blurred more than is wished, before that is said. By eye."""
+"""Share of a frame that the clip's own lens blurs more than the wished one, from which a note is given.
+Chosen by inspection."""
 LEAST_COVER = 0.05
 """Share of the views that must have covered a pixel for its colour to be made whole."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A frame that was drawn, for who wants to know more of it than its picture."""
+    """A drawn frame with more data than its picture."""
 
     warped: WarpedFrame
     source: LinearRGBA
     """(H, W, 4) the frame, linear, at the size that it was drawn at."""
     seconds: float
-    """What drawing took."""
+    """Seconds of drawing."""
 
 
 OnFrame = Callable[[Drawn], None]
@@ -59,10 +60,21 @@ def render_frame(
     on_frame: OnFrame | None = None,
     draw_cg: DrawCG | None = None,
 ) -> LinearRGBA:
-    """One frame through the lens: (h, w, 4) float32, linear, premultiplied.
+    """Draw one frame through the lens.
 
-    `note` is called with what the user should know, `on_frame` with the frame when it is drawn; `draw_cg`
-    draws the CG objects in it. Passes checkpoints.
+    Passes checkpoints.
+
+    Args:
+        clip: The clip.
+        frame: Number of the frame.
+        options: The lens.
+        size: (width, height).
+        note: Called with notes for the user.
+        on_frame: Called with the drawn frame.
+        draw_cg: Draws the CG objects.
+
+    Returns:
+        (h, w, 4) float32, linear, premultiplied.
     """
     with stage("Reading", 0.0, READ):
         picture = resized(clip.picture(frame, options.highlights), size)
@@ -117,9 +129,10 @@ def _lost(warped: WarpedFrame, noise: Noise, size: tuple[int, int]) -> LinearRGB
 
 
 def draw_to_error(meshed: MeshedFrame, wished: float) -> tuple[WarpedFrame, LinearRGBA]:
-    """A frame through as many views as a wished error in dB takes, and their mean (h, w, 4) in its canvas.
+    """Draw a frame with as many views as an error in dB needs; see `view_error` for its estimate.
 
-    `view_error` tells what the error is and how it is estimated.
+    Returns:
+        The frame, and the mean (h, w, 4) of its views in its canvas.
     """
     first = meshed.through(PILOT)
     second = other_views(meshed, first)

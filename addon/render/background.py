@@ -1,6 +1,6 @@
-"""Rendering by Blender's own command line: `blender -b FILE -a` ends with status 1 if a frame is not right.
+"""Renders by Blender's command line: `blender -b FILE -a` ends with status 1 if a frame fails.
 
-Blender itself ends with status 0 after an engine's error, and does not look at what it wrote. Farms go by the
+Blender itself ends with status 0 after an engine's error, and does not check its output. Farms rely on the
 status.
 """
 

@@ -1,4 +1,4 @@
-"""Scenes as .blend files: what other processes, and other machines, are sent."""
+"""Scenes as .blend files for other processes and machines."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ from ..core.base.errors import UserError
 from .quiet import quiet
 
 ENDS = b"ENDB", b"\xb1\xea\x92\x8f"
-"""What ends a .blend: its last block, or, where it is compressed, the number of Zstandard's seek table."""
+"""Ends of a .blend: its last block, or, if it is compressed, the number of Zstandard's seek table."""
 
 
 def write_blend(blend: Path) -> None:
-    """Write what is open as a .blend, whole or not at all; its paths are relative. UserError where it cannot
-    be written."""
+    """Write the open scene as a .blend with relative paths, atomically.
+
+    Raises:
+        UserError: It cannot be written.
+    """
     with atomic.staged(blend) as part:
         try:
             with quiet(1):

@@ -28,11 +28,11 @@ class CGWanted:
     scene: str
     layer: str
     frame: int
-    """Of the scene's animation."""
+    """Frame of the scene's animation."""
     objects: tuple[int, ...]
     """Session IDs of the objects. A hidden one that is shown again joins them unchanged."""
     version: int
-    """Of the objects: counted up whenever something of them changes."""
+    """Counted up whenever the objects change."""
 
 
 class _Process:
@@ -44,7 +44,7 @@ class _Process:
         self._of: tuple[object, ...] | None = None
 
     def draw(self, wanted: CGWanted, pinhole: Intrinsics, depth: PixelDepth | None) -> CGObjects:
-        """What `CGProcess.draw` draws, begun anew where the objects have changed."""
+        """Return the objects of `CGProcess.draw`, begun anew after a change."""
         of = wanted.scene, wanted.objects, wanted.version
         with self._lock:
             if self._process is None or self._of != of:
@@ -81,8 +81,12 @@ def wanted(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> CGWanted | Non
 
 
 def draw_preview(asked: CGWanted | None, waits: bool) -> DrawCG | None:
-    """What draws the CG objects of a picture of the preview; None where there are none. Where it does not
-    wait for Cycles it gives those that were drawn last at this frame, of any size, if there are some."""
+    """Return the function that draws the CG objects of a preview; None without objects.
+
+    Args:
+        asked: The objects.
+        waits: True to wait for Cycles; else the last drawing of this frame is returned, of any size.
+    """
     if asked is None:
         return None
 

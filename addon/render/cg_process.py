@@ -35,16 +35,23 @@ from .cycles_layers import LOOK, Layers, Wanted
 from .launcher import start
 
 OVERSCAN = 1 / 16
-"""Of the picture's long side, by which CG objects are drawn past its border: blur discs of an eighth of it
-reach so far in."""
+"""Share of the picture's long side by which CG objects are drawn past its border: blur discs of an eighth of
+it reach so far."""
 
 
 class CGProcess:
     """The process that draws the CG objects of a scene."""
 
     def __init__(self, scene: str, is_preview: bool = False) -> None:
-        """Start it with a copy of the file, for a scene of that name, drawn as renders or as a preview is;
-        UserError where that cannot be."""
+        """Start the process with a copy of the file, for a scene of this name.
+
+        Args:
+            scene: Name of the scene.
+            is_preview: True to draw as a preview.
+
+        Raises:
+            UserError: It cannot be started.
+        """
         self._held = ExitStack()
         self._count = 0
         self._job = Job()
@@ -61,13 +68,18 @@ class CGProcess:
 
     @property
     def is_alive(self) -> bool:
-        """Whether it may draw on."""
+        """Return whether the process can draw."""
         self._job.poll()
         return self._job.is_running
 
     def draw(self, layer: str, scene_frame: int, pinhole: Intrinsics, depth: PixelDepth | None) -> CGObjects:
-        """CG objects at a frame of the scene, as the pinhole of a canvas sees them; UserError where the
-        process fails. Passes checkpoints."""
+        """Draw the CG objects at a frame of the scene, as the pinhole of a canvas sees them.
+
+        Passes checkpoints.
+
+        Raises:
+            UserError: The process fails.
+        """
         self._count += 1
         margin = int(np.ceil(OVERSCAN * max(pinhole.width, pinhole.height)))
         plate = np.zeros((0, 0)) if depth is None else depth.inverse_depth
@@ -102,11 +114,11 @@ class CGProcess:
 
 _process: CGProcess | None = None
 _is_kept = False
-"""Whether the scene stays as it is between renders."""
+"""True if the scene stays unchanged between renders."""
 
 
 def draw_cg(scene: bpy.types.Scene, layer: str) -> DrawCG | None:
-    """What draws the CG objects of a view layer at the scene's present frame; None where it has none."""
+    """Return the function that draws a view layer's CG objects at the scene's frame; None without any."""
     original = scene.original if scene.is_evaluated else scene
     if not cg_objects(original, original.view_layers[layer]):
         return None
@@ -129,8 +141,10 @@ def draw_cg(scene: bpy.types.Scene, layer: str) -> DrawCG | None:
 
 @contextmanager
 def kept() -> Iterator[None]:
-    """Within it the scene stays as it is, and one process draws the CG objects of all renders; at the end it
-    and its files are gone."""
+    """Keep one process for the CG objects of all renders within; the scene must stay unchanged.
+
+    At the end the process and its files are removed.
+    """
     global _is_kept
     before, _is_kept = _is_kept, True
     try:
@@ -143,7 +157,10 @@ def kept() -> Iterator[None]:
 
 
 def _end(*_: object) -> threading.Thread | None:
-    """A render begins, ends or is cancelled, or another file is opened; what removes the process, if any."""
+    """Called as a render begins, ends or is cancelled, or another file is opened.
+
+    Returns the thread that removes the process, if any.
+    """
     global _process
     if _process is None or _is_kept:
         return None

@@ -24,32 +24,33 @@ from ..scene.timeline import go_to
 from .quiet import quiet
 
 LOOK = 0.02
-"""Seconds between two looks for what is wanted, or drawn."""
+"""Seconds between two looks for requests or results."""
 EMPTY = 1e9
 """Scene units from which on Cycles' depth is that of nothing: it writes 1e10."""
 MOST_VERTICES = 200_000
-"""Of the clip's mesh that catches shadows. By eye: their edges are blurred over a few pixels anyway."""
+"""Vertices of the clip's mesh that catches shadows; their edges are blurred over a few pixels anyway. Chosen
+by inspection."""
 TORN = 0.05
-"""Share by which the depth of neighbouring vertices of that mesh may differ: a shadow falls on one of two
-surfaces, and none on what would be between."""
+"""Relative difference of depth between neighbouring vertices of this mesh that tears it: a shadow falls on
+one of two surfaces, and not between."""
 FARTHEST = 1000.0
 """Times the median distance, up to which the clip catches shadows."""
 PREVIEW_SAMPLES = 32
 """Samples of a preview's CG objects at most, which is denoised. By eye."""
 PASSES = {"Image": "RGBA", "Depth": "FLOAT", "Shadow Catcher": "RGBA"}
-"""What is written of a render, with the types of its sockets."""
+"""Outputs of a render, with the types of their sockets."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is to be drawn of a frame."""
+    """A request for a drawing of a frame."""
 
     layer: str
     """Name of the view layer."""
     frame: int
-    """Of the scene's animation."""
+    """Frame of the scene's animation."""
     pinhole: Intrinsics
-    """Of the canvas."""
+    """Pinhole of the canvas."""
     margin: int
     """Pixels around the canvas that are drawn, too."""
     plate: Map
@@ -66,7 +67,7 @@ class Wanted:
 
     @classmethod
     def read(cls, path: Path) -> Wanted:
-        """What `write` wrote."""
+        """Read the file of `write`."""
         held = _read(path)
         width, height, *rest = held["pinhole"].tolist()
         pinhole = Intrinsics(int(width), int(height), *rest)
@@ -75,9 +76,12 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Layers:
-    """What was drawn: pictures (n, H, W, 4) of canvas and margin, linear and premultiplied, near ones first;
-    inverse depths (n, H, W) in the reconstruction's unit, 0 where nothing is; one (n,) of each as a whole;
-    and the share of light (h, w, 3) that is left on the clip, empty without shadows."""
+    """The drawn layers.
+
+    Pictures (n, H, W, 4) of canvas and margin are linear and premultiplied, near ones first; inverse depths
+    (n, H, W) are in the reconstruction's unit, 0 in empty pixels; each layer has one (n,), too. The share of
+    light (h, w, 3) left on the clip is empty without shadows.
+    """
 
     pictures: LinearRGBA
     inverse_depths: Map
@@ -90,7 +94,7 @@ class Layers:
 
     @classmethod
     def read(cls, path: Path) -> Layers:
-        """What `write` wrote."""
+        """Read the file of `write`."""
         return cls(**_read(path))
 
 
@@ -129,7 +133,7 @@ class CyclesScene:
         if not hasattr(scene, "cycles"):
             raise UserError("CG objects are rendered by Cycles; enable the add-on Cycles Render Engine")
         self._scene, self._folder = scene, folder
-        # What is animated follows the frame in the window's scene alone.
+        # Animation follows the frame in the window's scene only.
         bpy.context.window.scene = scene
         settings, render = scene.virtual_aperture, scene.render
         render.engine, render.film_transparent = "CYCLES", True

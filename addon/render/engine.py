@@ -39,7 +39,7 @@ VALUES: dict[str, Callable[[WarpedFrame], Map]] = {
     passes.CIRCLE_OF_CONFUSION: circle_of_confusion,
     passes.IN_FOCUS: in_focus,
 }
-"""What is in the passes that we render besides Combined."""
+"""Values of the passes that we render besides Combined."""
 CHANNEL = {passes.DEPTH: "Z", passes.CIRCLE_OF_CONFUSION: "X", passes.IN_FOCUS: "X"}
 """Name of a pass's channel in files."""
 REDRAW = 0.1
@@ -48,7 +48,7 @@ REDRAW = 0.1
 
 @dataclass
 class RenderWatch:
-    """What a script learns of the renders that it starts: Blender tells it of no animation's errors."""
+    """The events of renders for the script that starts them: Blender reports no errors of animations."""
 
     on_frame: OnFrame | None = None
     """Called with each frame that is drawn, on the thread that draws."""
@@ -58,7 +58,7 @@ class RenderWatch:
     """(H, W, 4), and (H, W, 1) of passes besides Combined, that were drawn last, by name; None where nobody
     asks for them, for they are large."""
     notes: list[str] = field(default_factory=list)
-    """What was said of the frame that they are of."""
+    """Notes on the present frame."""
     is_drawn: bool = False
     """Whether a render got as far as its picture. An exception that comes before our code can hear of it,
     as a signal does while Blender prepares a frame, leaves a black frame and no error."""
@@ -77,7 +77,7 @@ class RenderWatch:
 
 @contextmanager
 def watched(on_frame: OnFrame | None = None) -> Iterator[RenderWatch]:
-    """Watch the renders within; without an `on_frame` of its own that of the watch around it stays."""
+    """Watch the renders within; without an `on_frame` the one of an enclosing watch stays."""
     around = VirtualApertureEngine.watch
     VirtualApertureEngine.watch = RenderWatch(on_frame or around.on_frame)
     try:
@@ -96,7 +96,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
     bl_use_gpu_context = bpy.app.background and not egl_problem()
     bl_use_preview = False
     bl_use_eevee_viewport = True
-    # Blender makes the engine's instances: whoever starts a render cannot hand them anything.
+    # Blender makes the engine's instances, so they have no arguments.
     watch = RenderWatch()
 
     def __init__(self, *args: object, **kwargs: object) -> None:
@@ -224,7 +224,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             check_shape(shot, frame, size)
             lens = frame_options(scene.virtual_aperture, shot.reconstruction)
             wanted = Wanted(shot, frame, lens, size)
-            # What is wrong with the frame is said when it is drawn itself.
+            # Errors of the frame are reported when it is drawn.
             with suppress(UserError):
                 if not has_depth(wanted):
                     look = make_picture(wanted, FIRST).linear.astype(np.float32)

@@ -28,7 +28,7 @@ WHAT = {
     LAYERS: ("Two-Layer EXR", "Each sharp frame and what it hides, both with alpha and depth"),
     STMAPS: ("STMaps", "The lens distortion, as maps that undistort frames and distort them again"),
 }
-"""What can be exported, by its name on the command line: its label, and what it is."""
+"""Kinds of exports by their name on the command line: label and description."""
 
 Channels = Mapping[str, Map]
 
@@ -39,14 +39,16 @@ class Exported:
 
     file: Path
     channels: Callable[[], Channels]
-    """What it holds, (H, W) by channel; errors as of `two_layers` and `Canvas.pinhole`."""
+    """Returns its channels (H, W) by name; errors as of `two_layers` and `Canvas.pinhole`."""
     frame: int | None = None
-    """Of the clip; None where it is of all that are exported."""
+    """Frame of the clip; None for a file of all exported frames."""
 
 
 def planned(scene: bpy.types.Scene, what: str, frames: Sequence[int], folder: Path) -> list[Exported]:
-    """What an export of frames of a scene's clip into a folder will write. A lens that stays the same has one
-    pair of STMaps."""
+    """Return the files that an export of a scene's frames into a folder will write.
+
+    A lens that stays the same has one pair of STMaps.
+    """
     return (_layers if what == LAYERS else _stmaps)(scene, frames, folder)
 
 
@@ -62,7 +64,11 @@ def check_free(files: Sequence[Exported], overwrite: bool) -> None:
 
 
 def write(files: Sequence[Exported], report: Callable[[str], None]) -> None:
-    """Write files, each whole or not at all. Passes checkpoints; UserError naming the file or frame."""
+    """Write files, each complete or not there; passes checkpoints.
+
+    Raises:
+        UserError: A file or frame, which is named, fails.
+    """
     collect_orphans(files[0].file.parent)
     clock = Clock("export", len(files), report)
     for each in files:

@@ -1,8 +1,8 @@
-"""Rendered pictures and movies on disk: read back before they count, each still with the key of what made it.
+"""Rendered pictures and movies on disk: verified by reading, each still with the key of its inputs.
 
-The key is in the picture's own metadata (Blender's stamp note), so a file never says of another one what it
-was made from, several processes can write into one folder, and a moved or copied file keeps its key. So is a
-digest of the file's other bytes: programs that edit pictures keep such notes.
+The key is in the picture's metadata (Blender's stamp note), so a file never describes another one, several
+processes can write into one folder, and a moved or copied file keeps its key. A digest of the file's other
+bytes is there, too: programs that edit pictures keep such notes.
 """
 
 from __future__ import annotations
@@ -53,8 +53,11 @@ def seal(path: Path) -> None:
 
 
 def key_of(path: Path) -> str | None:
-    """The key of what a picture says it was made from; None where it has none. UserError where it is no
-    file."""
+    """Return the key in a picture's metadata; None without one.
+
+    Raises:
+        UserError: It is not a file.
+    """
     try:
         with open_regular(path) as file:
             found = _NOTE.search(file.read(HEADER))
@@ -65,7 +68,9 @@ def key_of(path: Path) -> str | None:
 
 def is_changed(path: Path) -> bool:
     """Whether a picture that has a key is not, to the byte, what was written with it; all of it is read.
-    UserError where it cannot be."""
+
+    UserError where it cannot be.
+    """
     try:
         data = read_regular(path)
     except OSError as error:
@@ -124,7 +129,7 @@ def movie_problem(path: Path, count: int, size: tuple[int, int]) -> str:
 
 
 def _has_whole_boxes(path: Path) -> bool:
-    """Whether an MP4 or QuickTime file ends where the last of its boxes does (ISO/IEC 14496-12)."""
+    """Return whether an MP4 or QuickTime file ends with its last box (ISO/IEC 14496-12)."""
     size, at = path.stat().st_size, 0
     with open_regular(path) as file:
         while at + 8 <= size:
@@ -140,7 +145,7 @@ def _has_whole_boxes(path: Path) -> bool:
 
 
 def _has_whole_segment(path: Path) -> bool:
-    """Whether a Matroska file ends where its segment does (RFC 8794 and 9559)."""
+    """Return whether a Matroska file ends with its segment (RFC 8794 and 9559)."""
     with open_regular(path) as file:
         data = file.read(HEADER)
     at = 0
@@ -148,7 +153,7 @@ def _has_whole_segment(path: Path) -> bool:
         at += len(element)
         if data[at - len(element) : at] != element or at >= len(data) or not data[at]:
             return False
-        # The first byte's leading zeros say how many bytes the length has.
+        # The leading zeros of the first byte give the number of bytes of the length.
         digits = 9 - data[at].bit_length()
         length = int.from_bytes(data[at : at + digits]) & ((1 << 7 * digits) - 1)
         at += digits
@@ -210,7 +215,7 @@ def _exr_size(path: Path) -> tuple[int, int] | None:
 
 
 def set_no_stamps(render: bpy.types.RenderSettings) -> None:
-    """Nothing in a file may tell runs apart that gave the same picture: neither times nor paths."""
+    """Remove times and paths from the output: equal pictures must be equal files."""
     for name in [name for name in dir(render) if name.startswith("use_stamp")]:
         setattr(render, name, False)
 

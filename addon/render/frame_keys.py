@@ -1,4 +1,4 @@
-"""What a rendered frame depends on, as a key: by the contents of files, not by their names and places."""
+"""Keys of rendered frames: digests of the contents of all inputs, not of names and places."""
 
 from __future__ import annotations
 
@@ -18,13 +18,15 @@ from .frame_size import render_size, written_size
 ROOMS = "core", "scene", "render"
 """Folders of the add-on whose code pictures depend on: a run that goes on mixes none of other code."""
 GRADED = "virtual_aperture_run"
-"""Property of a scene in which other things have a part in the pictures, such as the compositor or CG
-objects: they are not looked into, so it says which run, or file, they are of."""
+"""Property of a scene with other influences on the pictures, such as the compositor or CG objects. They have
+no digest, so the property identifies the run, or file."""
 
 
 def run_key(scene: bpy.types.Scene) -> str:
-    """64 hexadecimal digits of all that the pictures of a scene's clip depend on, whichever frame. A keyed
-    lens is that of the clip's first frame. Shows that frame."""
+    """64 hexadecimal digits of all that the pictures of a scene's clip depend on, whichever frame.
+
+    A keyed lens is that of the clip's first frame. Shows that frame.
+    """
     return _with_lens(scene, _clip_key(scene), shot_of(scene).footage.frames[0])
 
 
@@ -35,7 +37,7 @@ def frame_keys(scene: bpy.types.Scene, frames: list[int]) -> dict[int, str]:
 
 
 def _clip_key(scene: bpy.types.Scene) -> str:
-    """Of all but the lens."""
+    """The key of all inputs but the lens."""
     shot = shot_of(scene)
     parts = (
         code_digest(*ROOMS), clip_digest(shot.footage.path), reconstruction_digest(shot.reconstruction),

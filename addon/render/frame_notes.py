@@ -1,4 +1,4 @@
-"""What the last render had to say of single frames, kept for the panel until the next one."""
+"""Notes of the last render on single frames, kept for the panel until the next render."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST = 10_000
 
 @dataclass(frozen=True)
 class FrameNote:
-    """The same thing said of one frame or several."""
+    """A note on one frame or several."""
 
     text: str
     frames: tuple[int, ...]
@@ -24,7 +24,7 @@ _said: list[tuple[int, str]] = []
 
 
 def add(scene: bpy.types.Scene, frame: int, text: str) -> None:
-    """Keep what is to be said of a frame; its own number at the beginning is left out."""
+    """Keep a note on a frame, without its number at the beginning."""
     global _scene
     _scene = scene.name
     if len(_said) < MOST:
@@ -32,7 +32,7 @@ def add(scene: bpy.types.Scene, frame: int, text: str) -> None:
 
 
 def of(scene: bpy.types.Scene) -> list[FrameNote]:
-    """What the last render said, if it was of this scene, each thing once with its frames in order."""
+    """Return the notes of the last render of this scene, each once with its frames in order."""
     found: dict[str, set[int]] = {}
     if scene.name == _scene:
         for frame, text in _said:

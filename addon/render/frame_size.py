@@ -1,4 +1,4 @@
-"""Sizes in pixels of what Blender's render settings ask for."""
+"""Sizes in pixels of Blender's render settings."""
 
 from __future__ import annotations
 

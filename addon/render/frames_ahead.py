@@ -1,14 +1,14 @@
 """Frames of an animation that other processes draw ahead of Blender's render.
 
-Blender renders an animation's frames one after the other in one process, in which a second processor gains
-hardly anything. So other processes open a copy of the file and draw frames that are still to come, each in
-one thread; the engine takes what is there, waits for what one of them is drawing, and draws the rest itself:
-the first frame, and all of them where the others fail.
+Blender renders an animation's frames one after the other in one process, in which a second processor hardly
+helps. Other processes therefore open a copy of the file and draw later frames, each in one thread. The
+engine takes finished frames, waits for a frame in progress, and draws the rest: the first frame, and all of
+them if the others fail.
 
 FOLDER/scene.blend               the file, as it was when the animation began
-FOLDER/at                        the number of the frame that Blender is at: none up to it is drawn ahead
-FOLDER/frame-000012.lock         held by whoever draws a frame
-FOLDER/frame-000012.npz          what was drawn of it
+FOLDER/at                        the number of the frame that Blender is at; only later ones are drawn ahead
+FOLDER/frame-000012.lock         held by the process that draws the frame
+FOLDER/frame-000012.npz          the drawn frame
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ WAITING = 2
 
 @dataclass(frozen=True)
 class DrawnFrame:
-    """What the engine draws of a frame."""
+    """A frame as the engine draws it."""
 
     pictures: dict[str, LinearRGBA]
     """(H, W, 4) linear, premultiplied, of the pass Combined, and (H, W, 1) of others, by name; float32."""
     notes: tuple[str, ...] = ()
-    """What the user should know of it."""
+    """Notes for the user."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class SharedFrames:
             yield True
 
     def is_there(self, frame: int) -> bool:
-        """Whether a frame waits to be taken."""
+        """Return whether a frame is ready."""
         return self._path(frame, "npz").exists()
 
     def put(self, frame: int, drawn: DrawnFrame) -> None:
@@ -114,8 +114,13 @@ class SharedFrames:
 def draw_ahead(
     folder: Path, frames: Sequence[int], reach: int, draw: Callable[[int], DrawnFrame]
 ) -> Iterator[int]:
-    """Draw frames of an animation that no other process is at, up to `reach` of them past the one that
-    Blender is at; yields the number of each, and ends when Blender is at the last. Raises OSError."""
+    """Draw frames of an animation that no other process draws, and yield their numbers.
+
+    They are up to `reach` frames past Blender's; it ends when Blender is at the last one.
+
+    Raises:
+        OSError: The folder is not writable.
+    """
     shared, last = SharedFrames(folder), frames[-1]
     while (at := shared.at) is None or at < last:
         for frame in [frame for frame in frames if at is not None and frame > at][:reach]:
@@ -136,7 +141,7 @@ class FramesAhead:
 
     shared: SharedFrames
     held: ExitStack
-    """Of the folder."""
+    """Resources of the folder."""
     threads: int
     """That the user lets work side by side."""
     jobs: list[Job] = field(default_factory=list)
@@ -165,8 +170,10 @@ class FramesAhead:
         return made
 
     def frame(self, frame: int) -> DrawnFrame | None:
-        """A frame that another process has drawn or is drawing; None where it is to be drawn here. Passes
-        checkpoints."""
+        """A frame that another process has drawn or is drawing; None where it is to be drawn here.
+
+        Passes checkpoints.
+        """
         if self._last is not None and self._last[0] == frame:
             # Each view layer of a scene asks for it.
             return self._last[1]
@@ -189,7 +196,7 @@ class FramesAhead:
 
 _ahead: FramesAhead | None = None
 _is_tried = False
-"""Whether the animation under way has been looked at."""
+"""True if the present animation was prepared."""
 
 
 def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int) -> DrawnFrame | None:
@@ -203,7 +210,7 @@ def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int) -> DrawnFrame |
         if not _is_tried:
             _is_tried = True
             frames = range(frame, scene.frame_end + 1, scene.frame_step)
-            # This one mostly waits: what comes next is being drawn by then.
+            # This process mostly waits, as others draw the next frames.
             count = _fitting(scene, pixels)
             if count > 1 and len(frames) >= jobs.LEAST_SHARE:
                 _ahead = FramesAhead.begin(scene, frames, count)

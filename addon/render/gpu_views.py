@@ -105,7 +105,11 @@ def gpu_problem() -> str:
 
 
 def check_gpu() -> None:
-    """UserError where no GPU context can be had, with what to install."""
+    """Check that a GPU context can be made.
+
+    Raises:
+        UserError: It cannot; the message names packages to install.
+    """
     problem = gpu_problem()
     if problem:
         raise UserError(
@@ -195,10 +199,10 @@ def mean_of_views(plan: FramePlan, picture: LinearRGBA) -> LinearRGBA:
 def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
     """Draw the views one by one; everything on the GPU is made, used and freed by the thread that steps.
 
-    Every window has a GPU context of its own, and between two steps another one may become the active one.
-    Textures, vertex buffers and shaders are shared by all of them, and batches make their vertex arrays anew
-    in another context (`GLVaoCache::context_check`; Vulkan and Metal keep none). Framebuffers belong to the
-    context that they were made in, on OpenGL, Vulkan and Metal alike: they are made anew for every step.
+    Every window has a GPU context, and between two steps another one may become active. Textures, vertex
+    buffers and shaders are shared by all of them, and batches make their vertex arrays anew in another
+    context (`GLVaoCache::context_check`; Vulkan and Metal keep none). Framebuffers belong to the context that
+    made them, on OpenGL, Vulkan and Metal alike: each step makes them anew.
     """
     width, height = plan.canvas.pinhole.width, plan.canvas.pinhole.height
     source = upload(picture)
@@ -253,12 +257,12 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
 
 
 def vertex_arrays(plan: FramePlan, picture: LinearRGBA) -> dict[str, NDArray[np.float32]]:
-    """What the vertex shader gets of each vertex, by attribute.
+    """Return the vertex shader's attributes.
 
-    `xy` (V, 2) in pixels; `texture_xy` (V, 2) in shares of the texture's size; `nearness` (V,) is inverse
+    `xy` (V, 2) is in pixels; `texture_xy` (V, 2) in shares of the texture's size; `nearness` (V,) is inverse
     depth over the largest one; `contrast` (V,) is inverse depth relative to the focal plane, over the largest
-    one. The difference is taken here, in double precision: on the GPU the focal plane's own displacement
-    would take the last digits with it.
+    one. The difference is computed here in double precision: on the GPU the focal plane's displacement would
+    cancel the last digits.
     """
     mesh = plan.mesh
     nearest = float(mesh.inverse_depth.max(initial=0.0)) or 1.0
@@ -272,9 +276,10 @@ def vertex_arrays(plan: FramePlan, picture: LinearRGBA) -> dict[str, NDArray[np.
 
 
 def view_rows(plan: FramePlan) -> NDArray[np.float32]:
-    """(N, 2, 4) for each view and axis a, b, c, d: a vertex is seen at a x + b y + c - d contrast, in pixels.
+    """Return coefficients a, b, c, d (N, 2, 4) for each view and axis.
 
-    `FramePlan.displace` with its terms in another order: what moves the focal plane is in c already.
+    A vertex is seen at a x + b y + c - d contrast, in pixels. This is `FramePlan.displace` with its terms in
+    another order: the motion of the focal plane is in c.
     """
     turn, shift = plan.registration[:, :, :2], plan.canvas.pinhole.focal * plan.offsets
     turned = np.einsum("nij,nj->ni", turn, shift)
@@ -285,8 +290,10 @@ def view_rows(plan: FramePlan) -> NDArray[np.float32]:
 
 
 def axial_rows(plan: FramePlan) -> NDArray[np.float32]:
-    """(N, 2) pixels to the right and up, where each view shows what it would show of red and blue with their
-    own focal plane in register."""
+    """Return shifts (N, 2) in pixels to the right and up that each view of red and blue needs.
+
+    They put the focal plane of these colours in register.
+    """
     shift = plan.axial_shift * plan.canvas.pinhole.focal * plan.offsets
     moved = np.einsum("nij,nj->ni", plan.registration[:, :, :2], shift)
     return np.asarray(moved * [1, -1], np.float32)
@@ -297,8 +304,11 @@ def _largest_contrast(plan: FramePlan) -> float:
 
 
 def upload(picture: LinearRGBA) -> gpu.types.GPUTexture:
-    """A texture of a picture (h, w, 4), whose first row has the texture coordinate 0; UserError where the
-    driver holds none so large."""
+    """Return a texture of a picture (h, w, 4), whose first row has the texture coordinate 0.
+
+    Raises:
+        UserError: It is too large for the driver.
+    """
     height, width = picture.shape[:2]
     data = np.ascontiguousarray(picture, dtype=np.float32).reshape(-1)
     buffer = gpu.types.Buffer("FLOAT", data.size, data)

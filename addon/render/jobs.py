@@ -19,7 +19,7 @@ LOOK = 0.02
 """Seconds between two looks at the other processes."""
 
 LEAST_SHARE = 8
-"""Frames that are worth a process of its own: it takes 2 to 3 s to start, as two frames do."""
+"""Least frames for another process: starting it takes 2 to 3 s, as long as two frames."""
 PROCESS, A_PIXEL = 900 * memory.MB, 1500
 """Bytes that a process takes at its peak, and for each pixel of a frame besides: one that finds depth and
 draws it took 1.2 GB at 640x360 and 2.2 GB at 1280x720 (the largest resident set, of one thread)."""
@@ -27,12 +27,15 @@ draws it took 1.2 GB at 640x360 and 2.2 GB at 1280x720 (the largest resident set
 Start = Callable[[Job, Sequence[int], int], None]
 """Has another process do a job, which renders frames as the share of this number."""
 Here = Callable[[Sequence[int], Callable[[int], None]], None]
-"""Renders frames in this process, and tells of each one that is done."""
+"""Renders frames in this process, and reports each one."""
 
 
 def fitting(pixels: int) -> int:
-    """How many processes work well side by side, by processors, or the threads that the user allows, and free
-    memory, on pictures of so many pixels; at least 1."""
+    """Return the number of processes that fit, at least 1.
+
+    It follows from processors, or the user's limit of threads, and from free memory for pictures of so many
+    pixels.
+    """
     room = memory.free() // (PROCESS + A_PIXEL * pixels)
     return max(1, min(limits.threads(), room))
 
@@ -49,7 +52,7 @@ class _Share:
 
     number: int
     todo: list[int]
-    """Those that it has not said to be done."""
+    """Frames that are not reported as done."""
     tries: int = 0
     job: Job = field(default_factory=Job)
 
@@ -71,12 +74,21 @@ def render_side_by_side(
     done: Callable[[int], None],
     note: Callable[[str], None],
 ) -> None:
-    """Render frames in `count` processes, of which this one is the first and the others are started; `done`
-    is called with each frame, in whichever order, and `note` of what a process warns of.
+    """Render frames in several processes, of which this one is the first.
 
-    What a process has left when it fails, this one included, is begun once more in a new one. UserError
-    naming the frames that are not done at the end. Whatever else is raised here, Ctrl-C included, ends all of
-    them; where this process is killed they end by themselves.
+    The remaining frames of a failed process, this one included, are begun once more in a new one. Any error
+    here other than of a frame, Ctrl-C included, ends all processes; if this process is killed they end, too.
+
+    Args:
+        frames: Numbers of frames.
+        count: Number of processes.
+        start: Starts another process.
+        here: Renders frames in this one.
+        done: Called with each frame, in any order.
+        note: Called with each warning.
+
+    Raises:
+        UserError: Frames, which are named, are not done at the end.
     """
     every = own, *others = [_Share(number, todo) for number, todo in enumerate(shares(frames, count))]
 

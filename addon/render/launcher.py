@@ -36,7 +36,9 @@ def start(
     one_thread: bool = False,
     **more: object,
 ) -> None:
-    """Have another process of this command line do a job, which it reads in a file. A window goes first.
+    """Have another process of this command line do a job, which it reads in a file.
+
+    A window goes first.
 
     `arguments` are those of a command, or the name of one of `engine_jobs.JOBS`; people cannot ask for a
     .blend's `scene` and for `more`. UserError where the file cannot be written, and as of `Job.start`.

@@ -13,15 +13,17 @@ FONT = 0
 POINTS, SMALL = 11, 9
 """Sizes of the interface's text, and of a label's."""
 WIDEST = 0.7
-"""Of the width that headers and sidebars leave free, a message's most."""
+"""Largest share of the width between headers and sidebars that a message has."""
 PADDING, SPACING = 8.0, 16.0
 """Pixels from the text to the ground's border, and from line to line, at a resolution scale of 1."""
 LIGHT = (1.0, 1.0, 1.0, 1.0)
 
 
 def lines(text: str, width: float, scale: float = 1.0, breaks: bool = False) -> list[str]:
-    """The text in lines of at most `width` pixels; words that are wider, as paths are, stick out, unless it
-    `breaks` them."""
+    """Return the text in lines of at most `width` pixels.
+
+    Wider words, such as paths, stick out unless `breaks` is true.
+    """
     blf.size(FONT, POINTS * scale)
     found: list[str] = []
     for word in text.split():
@@ -43,8 +45,7 @@ def _pieces(word: str, width: float) -> Iterator[str]:
 
 
 def free_part(area: bpy.types.Area, region: bpy.types.Region) -> Rectangle:
-    """Left, bottom, right, top of what headers and sidebars leave free of an area's main region, in its
-    pixels."""
+    """Return left, bottom, right, top of an area's main region without headers and sidebars, in pixels."""
     left, bottom, right, top = 0.0, 0.0, float(region.width), float(region.height)
     for other in area.regions:
         if other.type == "WINDOW" or min(other.width, other.height) <= 1:
@@ -62,8 +63,10 @@ def free_part(area: bpy.types.Area, region: bpy.types.Region) -> Rectangle:
 
 
 def ground(text: str, free: Rectangle, scale: float) -> tuple[list[str], Rectangle]:
-    """The lines of a message, and left, bottom, right, top of their ground: in the middle of the lower border
-    of what is free, where Blender writes nothing itself."""
+    """Return the lines of a message, and left, bottom, right, top of its background.
+
+    It is in the middle of the lower border of the free part, where Blender writes nothing.
+    """
     left, bottom, right, _ = free
     wrapped = lines(text, WIDEST * (right - left), scale, breaks=True)
     half = max(blf.dimensions(FONT, line)[0] for line in wrapped) / 2 + PADDING * scale
@@ -85,8 +88,10 @@ def draw(text: str, area: bpy.types.Area, region: bpy.types.Region, scale: float
 def draw_label(
     text: str, frame: Rectangle, area: bpy.types.Area, region: bpy.types.Region, scale: float
 ) -> None:
-    """Draw a word or two small, in the upper left corner of what is seen of a frame (left, bottom, width,
-    height, in the region's pixels)."""
+    """Draw a short label in the upper left corner of the visible part of a frame.
+
+    The frame is (left, bottom, width, height) in the region's pixels.
+    """
     free = free_part(area, region)
     blf.size(FONT, SMALL * scale)
     width, height = blf.dimensions(FONT, text)[0], blf.dimensions(FONT, "Ag")[1]

@@ -72,8 +72,11 @@ def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
 
 
 def _schedule(scene: bpy.types.Scene, frames: list[int]) -> tuple[list[int], float, Callable[[float], int]]:
-    """What a movie of frames shows: the clip's frame for each of its own, its frames a second, and where in
-    it something lies that lies at a frame of the scene. It begins at the number of the first frame."""
+    """The frames of a movie: the clip's frame for each, the rate, and a function of places.
+
+    The function gives the place in the movie of a frame of the scene. The movie begins at the number of the
+    first frame.
+    """
     footage, set_rate = shot_of(scene).footage, scene.render.fps / scene.render.fps_base
     rate, first = movie_rate(footage), frames[0]
     video = footage.video
@@ -88,7 +91,7 @@ def _schedule(scene: bpy.types.Scene, frames: list[int]) -> tuple[list[int], flo
     places = held_frames(seconds, end, rate, sound)
 
     def moved(frame: float) -> int:
-        # What the user moved from the clip's own sound is moved by as much.
+        # The user's shift against the clip's own sound is kept.
         by = (frame - sound_frame(footage)) / set_rate
         return int(first + round(by * rate) - round((begin - sound) * rate))
 
@@ -96,8 +99,10 @@ def _schedule(scene: bpy.types.Scene, frames: list[int]) -> tuple[list[int], flo
 
 
 def hdr_display(scene: bpy.types.Scene) -> str:
-    """The display of Blender's for which the movie of a scene is made: that of an HDR clip, unless the scene
-    has a view of the user's choice; else empty."""
+    """Return the display of Blender's for a scene's movie: that of an HDR clip.
+
+    It is empty for other clips, and if the user chose a view.
+    """
     space, view = shot_of(scene).space, scene.view_settings
     is_plain = scene.display_settings.display_device == "sRGB" and view.view_transform == "Standard"
     return space.name if space is not None and space.name in HDR and is_plain else ""
@@ -108,7 +113,7 @@ def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size
     render.resolution_x, render.resolution_y = size
     render.resolution_percentage = 100
     render.pixel_aspect_x, render.pixel_aspect_y = scene.render.pixel_aspect_x, scene.render.pixel_aspect_y
-    # The pictures are what is seen; they are not graded or dithered twice.
+    # The pictures are final; they are not graded or dithered twice.
     movie.view_settings.view_transform, movie.view_settings.look = "Standard", "None"
     if hdr := hdr_display(scene):
         # The pictures are light, which is encoded here.

@@ -1,6 +1,6 @@
-"""The folder beside a movie in which its frames lie until it is complete.
+"""The folder beside a movie with its frames, until it is complete.
 
-It carries a mark that says whose it is, and nothing is replaced or removed there but what this program wrote.
+A mark in it names its owner, and only files of this program are replaced or removed there.
 """
 
 from __future__ import annotations
@@ -18,18 +18,21 @@ MARK = ".virtual-aperture-movie"
 FRAMES = "######"
 """Stem of their names; they are PNG, or EXR where the movie has more light than white."""
 LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
-"""What file managers put into a folder that somebody looks at."""
+"""Files that file managers put into opened folders."""
 _FRAME = re.compile(r"-?\d{5,}\.(png|exr)")
 
 
 def folder_of(out: Path) -> Path:
-    """Where the frames of a movie lie until it is complete."""
+    """Return the folder of a movie's frames until it is complete."""
     return out.with_name(f"{out.name}.frames")
 
 
 def check_free(out: Path) -> None:
-    """UserError naming what is in the way where the folder of a movie's frames is a file or a link, or holds
-    anything that is not of a run of this movie. An empty folder may be used."""
+    """Check that the folder of a movie's frames is free; an empty folder is.
+
+    Raises:
+        UserError: It is a file or a link, or holds files of something else, which are named.
+    """
     folder = folder_of(out)
     why = f"the frames of {out.name} are kept in {folder} until it is complete"
     try:
@@ -57,8 +60,11 @@ def check_not_kept(folder: Path) -> None:
 
 
 def prepare(out: Path) -> Path:
-    """Make the folder and mark it, and take what an earlier run of the movie left; UserError as `check_free`,
-    and for frames that were changed after they were rendered."""
+    """Make and mark the folder, and take over the frames of an earlier run of the movie.
+
+    Raises:
+        UserError: As of `check_free`; or frames were changed after they were rendered.
+    """
     check_free(out)
     folder = folder_of(out)
     if not _is_marked(out):
@@ -73,7 +79,7 @@ def prepare(out: Path) -> Path:
 
 
 def clear(out: Path) -> list[Path]:
-    """Remove this program's frames, and the folder unless it holds something else; what that is."""
+    """Remove this program's frames, and the folder if it is empty then; returns the remaining files."""
     folder = folder_of(out)
     atomic.collect_orphans(folder)
     with contextlib.suppress(OSError, UserError):
@@ -91,7 +97,7 @@ def clear(out: Path) -> list[Path]:
 
 
 def _strangers(out: Path) -> list[Path]:
-    """What is in the folder and not of a run of its movie."""
+    """Files in the folder that are not of a run of its movie."""
     is_marked = _is_marked(out)
     return [
         path
@@ -105,12 +111,12 @@ def _is_ours(path: Path) -> bool:
 
 
 def _is_unfinished_mark(path: Path) -> bool:
-    """Whether it is what a run left that was ended before its first frame."""
+    """Return whether a mark is left of a run that ended before its first frame."""
     return path.name.startswith(atomic.PART) and path.name.endswith((MARK, ".lock"))
 
 
 def _is_frame(path: Path) -> bool:
-    """Whether it is a frame with a key; an empty one was cut off where a machine lost its power."""
+    """Return whether a file is a frame with a key; an empty one was cut off by a power failure."""
     if _FRAME.fullmatch(path.name) is None or path.is_symlink() or not path.is_file():
         return False
     return not path.stat().st_size or frame_files.key_of(path) is not None

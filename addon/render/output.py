@@ -34,7 +34,7 @@ STILLS = {".png": "PNG", ".exr": "OPEN_EXR"}
 Report = Callable[[str], None]
 Draw = Callable[[list[int], Path, Here, Callable[[int], None]], None]
 """Renders frames to a path whose last #### is the frame number, in this process by `Here` and in others, and
-tells of each one that is done."""
+reports each one."""
 
 
 def check_output(out: Path, overwrite: bool, is_one: bool = False) -> None:
@@ -102,7 +102,7 @@ def check_folder(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class Planned:
-    """What a render of frames will be."""
+    """A planned render of frames."""
 
     views: tuple[int, int]
     """About the smallest and the largest number."""
@@ -136,11 +136,21 @@ def render_sequence(
     report: Report,
     draw: Draw | None = None,
 ) -> None:
-    """Render frames to `out`, whose last #### is the frame number, each whole and right or not there.
+    """Render frames to files, each complete or not there.
 
-    Frames that are there are kept where their own key says that they were made from the same things; others
-    are replaced with `overwrite`, damaged ones always. `draw` may have other processes render some of them.
-    Raises UserError, naming the frame.
+    Existing frames are kept if their key shows equal inputs; others are replaced with `overwrite`, damaged
+    ones always.
+
+    Args:
+        scene: The scene.
+        frames: Numbers of frames.
+        out: Path whose last #### is the frame number.
+        overwrite: True to replace other frames.
+        report: Called with lines.
+        draw: Renders some frames in other processes.
+
+    Raises:
+        UserError: A frame, which is named, fails.
     """
     atomic.collect_orphans(out.parent)
     targets = {frame: out.with_name(numbered(out.name, frame)) for frame in frames}
@@ -166,10 +176,16 @@ def render_sequence(
 
 
 def check_frames(files: dict[int, Path], size: tuple[int, int], keys: dict[int, str] | None = None) -> None:
-    """UserError naming the frames whose files are not there, damaged, not of a size (width, height), or not
-    as this program wrote them.
+    """Check rendered files.
 
-    With `keys`, also those that were made from something else.
+    Args:
+        files: Paths by frame.
+        size: (width, height).
+        keys: Expected keys by frame, if other inputs are errors.
+
+    Raises:
+        UserError: Files are missing, damaged, of another size, or not as this program wrote them; their
+            frames are named.
     """
     problems: dict[str, list[int]] = {}
     for frame, path in files.items():
@@ -234,7 +250,7 @@ def _stamp(path: Path) -> _Stamp | None:
 
 
 def _is_made_meanwhile(frame: int, target: Path, key: str, stamp: _Stamp | None) -> bool:
-    """Whether an equal run made a frame since it was looked at; UserError where an unequal one did."""
+    """Return whether an equal run has made a frame since; UserError if an unequal one has."""
     now = _stamp(target)
     if now is None or now == stamp:
         return False
@@ -273,7 +289,9 @@ def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str, st
 def render_movie(
     scene: bpy.types.Scene, frames: list[int], out: Path, report: Report, draw: Draw | None = None
 ) -> None:
-    """Render a movie with the clip's rate, sound and dynamic range. A gap in the clip holds the frame before.
+    """Render a movie with the clip's rate, sound and dynamic range.
+
+    A gap in the clip holds the frame before.
 
     The frames are kept beside it as pictures until the movie is whole, so that an equal run goes on where
     this one stopped.
@@ -290,9 +308,9 @@ def render_movie(
 
 
 def set_still(scene: bpy.types.Scene, suffix: str, footage: Footage) -> None:
-    """Write PNG or EXR, by the suffix, as deep as the clip and without anything that tells runs apart."""
+    """Set the output to PNG or EXR, by the suffix, as deep as the clip, without time stamps."""
     settings = scene.render.image_settings
-    # Each view would have a file of its own.
+    # Each view would have a separate file.
     scene.render.use_multiview = False
     settings.media_type = "IMAGE"
     settings.file_format = STILLS[suffix]

@@ -1,7 +1,7 @@
-"""The blurred frame for a viewport: made on a thread of its own, coarse at once, then better.
+"""The blurred frame for a viewport: made on a thread, coarse at once, then better.
 
 The thread computes; its views are drawn by the main thread in slices (`scene.main_thread`), so that the
-interface goes on. One thing is made at a time, the last one that was asked for.
+interface stays alive. One picture is made at a time, the last one requested.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ at 640x360, on 2 cores in software OpenGL (`python -m benchmarks.timings.interfa
 QUICK = 0.25
 """Seconds that a draft may take for nothing coarser to be shown before it: four frames a second."""
 ROUGH_VIEWS = 16
-"""Views of a picture from the feature points: by eye, of 240 pixels. It takes 0.08 s."""
+"""Views of a picture from the feature points, 240 pixels wide. It takes 0.08 s. Chosen by looking at it."""
 NO_HIGHLIGHTS = HighlightSettings(gain=0.0)
 CLIP, ROUGH, FIRST, COARSE, FAIR, FINE = range(-1, 5)
 """How good a picture is: the frame as it was shot alone; small, from the feature points, and a first look
@@ -59,30 +59,30 @@ same in the scene's quality, normal at most."""
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a viewport shows."""
+    """The content of a viewport."""
 
     shot: Shot
     frame: int
-    """Of the clip."""
+    """Frame of the clip."""
     options: FrameOptions
     size: tuple[int, int]
     """Width and height in pixels, of the clip's shape."""
     shows: str = ""
     """The name of one of `inspection.NAMES` in place of the frame through the lens."""
     with_clip: bool = False
-    """Whether the frame as it was shot is to lie beside it."""
+    """True if the frame as it was shot is beside it."""
     is_playing: bool = False
-    """Whether frames follow each other faster than they are drawn."""
+    """True if frames follow each other faster than they are drawn."""
     cg: CGWanted | None = None
     """The CG objects in it, if there are any."""
 
     @cached_property
     def key(self) -> Key:
-        """What decides of the picture's content, but for its size and the frame as it was shot beside it."""
+        """Identifies the picture's content, without its size and the frame beside it."""
         return id(self.shot), self.frame, self.shows, repr((self.options, self.cg))
 
     def asks_for(self, other: Wanted) -> bool:
-        """Whether who makes this makes the other one, too."""
+        """Return whether making this also makes another one."""
         same = self.key == other.key and self.is_playing == other.is_playing
         return same and self.with_clip >= other.with_clip and self.size[0] >= other.size[0]
 
@@ -112,7 +112,7 @@ class Picture:
 
 
 class Preview:
-    """Makes pictures of what is wanted, better ones after each other, and keeps them."""
+    """Makes pictures, from coarse to final, and keeps them."""
 
     def __init__(self, make: Callable[[Wanted, int], Picture] | None = None) -> None:
         """`make` makes a picture at a level, as `make_picture`, on the thread."""
@@ -128,16 +128,16 @@ class Preview:
         self._draft_seconds = 2 * QUICK
         self._level = ROUGH
         self.finds_depth = False
-        """Whether what is under way needs depth that is not kept."""
+        """True if the present work needs depth that is not kept."""
         self.version = 0
         """Counted up whenever there is something new to show."""
         self.progress = ("", 0.0)
-        """Name of the stage of what is under way, and how far it is, 0 to 1."""
+        """Name of the stage of the present work, and its done share, 0 to 1."""
 
     # Asked for on the main thread
 
     def want(self, wanted: Wanted) -> None:
-        """Make this from now on, in place of what is under way."""
+        """Make this from now on, in place of the present work."""
         with self._changed:
             now = self._wanted
             if now is not None and now.asks_for(wanted):
@@ -149,7 +149,7 @@ class Preview:
             self._changed.notify_all()
 
     def best(self, wanted: Wanted) -> Picture | None:
-        """The best picture that there is of what is wanted."""
+        """Return the best picture of the wanted content; None without one."""
         with self._changed:
             found = self._kept.get(wanted.key)
             if found is not None:
@@ -157,8 +157,10 @@ class Preview:
             return found
 
     def latest(self, wanted: Wanted) -> Picture | None:
-        """The picture that was made last, if it shows the same of the same clip: of another frame, or lens,
-        which is seen until there is one of what is wanted."""
+        """Return the last picture if it shows the same kind of content of the same clip.
+
+        It is of another frame, or lens, and is seen until there is one of the wanted content.
+        """
         with self._changed:
             made = self._latest
             if made is None or made.wanted.shot is not wanted.shot or made.wanted.shows != wanted.shows:
@@ -170,14 +172,16 @@ class Preview:
         return self._problems.get(wanted.key, "")
 
     def is_busy(self) -> bool:
-        """Whether a better picture is being made."""
+        """Return whether a better picture is in progress."""
         with self._changed:
             return self._is_working or self._next() is not None
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Within it nothing is made: somebody else works with the clip. Waits for the end of what is under
-        way, which is cancelled."""
+        """Suspend all work while others work with the clip.
+
+        Waits for the end of the present work, which is cancelled.
+        """
         with self._changed:
             self._pauses += 1
         try:
@@ -200,7 +204,7 @@ class Preview:
             pass
 
     def close(self) -> None:
-        """`forget`, and end the thread; what is wanted later begins another."""
+        """Call `forget`, and end the thread; a later request begins another."""
         self.forget()
         thread = self._thread
         with self._changed:
@@ -227,7 +231,7 @@ class Preview:
                     self.progress = ("", 0.0)
 
     def _next(self) -> tuple[Wanted, int] | None:
-        """What is to be made now, and how well; None where nothing is."""
+        """The next content and its level; None if all is done."""
         wanted = self._wanted
         if wanted is None or self._pauses or wanted.key in self._problems:
             return None
@@ -318,7 +322,7 @@ def _clip(wanted: Wanted) -> Half:
 
 
 def _rough(wanted: Wanted) -> LinearRGBA:
-    """What needs no depth, (h, w, 4); as it was shot where there are too few feature points."""
+    """A picture (h, w, 4) without depth; as it was shot if there are too few feature points."""
     if not wanted.shows:
         with contextlib.suppress(UserError):
             return _through_lens(wanted, ROUGH)
@@ -334,7 +338,7 @@ def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
         options = replace(options, method="features", views=ROUGH_VIEWS)
     if level <= COARSE or wanted.is_playing:
         options = replace(options, grain=0.0)
-        # What other frames lend, and their highlights, take seconds to find for the first time.
+        # Colours of other frames, and their highlights, take seconds for the first time.
         options = replace(options, borrow=False)
         if not context.knows_highlights(wanted.frame, options.highlights):
             options = replace(options, highlights=NO_HIGHLIGHTS)
@@ -367,6 +371,6 @@ def _coarse(size: tuple[int, int]) -> tuple[int, int]:
 
 
 def has_depth(wanted: Wanted) -> bool:
-    """Whether a frame can be drawn without finding its depth first."""
+    """Return whether a frame's depth is known."""
     context = wanted.shot.context
     return not MESHERS[wanted.options.method].needs_pixel_depth or context.has_depth(wanted.frame, DRAFT)

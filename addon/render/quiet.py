@@ -10,9 +10,9 @@ from contextlib import contextmanager
 
 @contextmanager
 def quiet(descriptor: int) -> Iterator[int]:
-    """Send what C code writes to file descriptor 1 or 2 nowhere; yields a descriptor that still writes there.
+    """Discard output of C code to file descriptor 1 or 2; yields a descriptor that still writes there.
 
-    Of the whole process: for background use only.
+    It acts on the whole process: for background use only.
     """
     sys.stdout.flush()
     sys.stderr.flush()

@@ -1,4 +1,4 @@
-"""Blender's handlers for what lasts from one render to the next."""
+"""Blender's handlers for state that lasts from one render to the next."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 import bpy
 
 NAMES = "render_init", "render_complete", "render_cancel", "load_pre"
-"""Of the lists: a render begins, ends or is cancelled, or another file is opened."""
+"""Lists of handlers: a render begins, ends or is cancelled, or another file is opened."""
 
 
 def add(handler: Callable[..., None]) -> None:

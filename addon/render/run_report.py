@@ -1,4 +1,4 @@
-"""What a run of frames was made of: one entry a frame, kept in a file, and a line at the end."""
+"""The report on a run of frames: one entry a frame in a file, and a line at the end."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .average import Drawn, draw_shares
 
 KIND = "virtual aperture frame reports"
 JOB = "specificationVersion"
-"""What every job in the Open Job Description format says."""
+"""Key of every job in the Open Job Description format."""
 
 
 def check_report(path: Path, overwrite: bool) -> None:
@@ -46,7 +46,7 @@ def _is_ours(path: Path) -> bool:
 
 
 def _held(path: Path) -> dict[str, Any]:
-    """What a file of JSON holds; empty where it is none, or no object."""
+    """The object in a JSON file; empty without one."""
     try:
         held = json.loads(read_regular(path))
     except (OSError, ValueError, RecursionError):
@@ -55,7 +55,7 @@ def _held(path: Path) -> dict[str, Any]:
 
 
 class RunReport:
-    """What every frame of a run was drawn from; its `on_frame` is called with each of them."""
+    """The sources of every frame of a run; its `on_frame` is called with each of them."""
 
     def __init__(self, path: Path | None = None, key: str = "", overwrite: bool = False) -> None:
         """`path` gets an entry a frame, after those of an equal run, which has the same `key`.
@@ -117,7 +117,7 @@ def text_of(entries: list[dict[str, object]], key: str) -> str:
 
 
 def _entries(held: dict[str, Any]) -> dict[int, FrameReport]:
-    """The entries of what a file of reports holds, by frame; those that are none left out."""
+    """The entries of a file of reports, by frame, without invalid ones."""
     frames = held.get("frames")
     known = map(_entry, frames if isinstance(frames, list) else [])
     return {entry.frame: entry for entry in known if entry is not None}

@@ -1,9 +1,9 @@
-"""What a viewport in Rendered shading shows: the camera's view through the lens (`preview` makes it).
+"""The content of a viewport in Rendered shading: the camera's view through the lens (`preview` makes it).
 
-Blender draws its overlays over what an engine has drawn, the camera's background image among them, whatever
-alpha or depth the engine left: `view_draw` alone would be seen without overlays only. They are drawn into a
-texture of their own, which Blender lays over the engine's once that has the scene's colours. So what it holds
-of the camera's frame is taken away again, and the picture below is seen, in the colours of a render.
+Blender draws its overlays over an engine's picture, the camera's background image among them, whatever alpha
+or depth the engine left: `view_draw` alone would be visible without overlays only. They are drawn into a
+separate texture, which Blender lays over the engine's once that has the scene's colours. The camera's frame
+in that texture is therefore removed again, and the picture below is visible, in the colours of a render.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from .preview import FAIR, FINE, Half, Picture, Preview, Wanted
 LOOK = 0.02
 """Seconds between two looks for a better picture, while one is being made."""
 TELL = 0.25
-"""Seconds between two redraws that only tell how far the search for depth is."""
+"""Seconds between two redraws that only show the progress of the search for depth."""
 ROOM = 0.9
-"""Of the camera frame's width in the viewport, in pixels, that a picture must have: by eye, one that is a
-little enlarged is as sharp as it was, and costs less."""
+"""Size of a picture, as a share of the camera frame's width in pixels in the viewport: a slightly enlarged
+one looks as sharp, and costs less. Chosen by inspection."""
 
 PREVIEW = Preview()
 """The one of this Blender: it takes all processors, so there are not two."""
@@ -49,11 +49,11 @@ PREVIEW = Preview()
 
 @dataclass
 class Shown:
-    """What the viewport of one engine shows: textures belong to the thread and the window that draw."""
+    """The viewport of one engine; textures belong to the thread and the window that draw."""
 
     picture: Picture | None = None
     texture: Any = None
-    """Of the picture,"""
+    """Texture of the picture."""
     clip: Any = None
     """and of the frame as it was shot, which is seen up to the share `wipe` of the width."""
     wipe: float = 0.0
@@ -63,7 +63,7 @@ class Shown:
     said: str = ""
     """The message over it,"""
     level: str = ""
-    """and how good it is, which is said small."""
+    """Quality of the picture, in small letters."""
 
 
 _in_regions: WeakValueDictionary[int, Shown] = WeakValueDictionary()
@@ -73,7 +73,7 @@ _in_regions: WeakValueDictionary[int, Shown] = WeakValueDictionary()
 def update(shown: Shown, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
     """Something of the scene has changed: begin with its picture before the window is drawn again."""
     if shown.frame is not None and not bpy.app.is_job_running("RENDER"):
-        with contextlib.suppress(UserError):  # `draw`, which follows, says what is wrong
+        with contextlib.suppress(UserError):  # `draw`, which follows, reports the error
             PREVIEW.want(_wanted(context, depsgraph, shown.frame[2]))
 
 
@@ -112,7 +112,7 @@ def draw(
 
 
 def _texture(picture: Half | None) -> Any:
-    """Of (h, w, 4), its last row at the bottom."""
+    """Texture of a picture (h, w, 4), its last row at the bottom."""
     if picture is None:
         return None
     texture = upload(np.flipud(picture).astype(np.float32))
@@ -138,7 +138,7 @@ def _corners(frame: Rectangle, places: Floats) -> Floats:
 
 
 def _shown_here(context: bpy.types.Context) -> Shown | None:
-    """What our engine shows in the viewport that is being drawn."""
+    """Our engine's content of the viewport that is being drawn."""
     is_engine = context.scene.render.engine == "VIRTUAL_APERTURE"
     if not is_engine or context.space_data.shading.type != "RENDERED":
         return None
@@ -175,7 +175,7 @@ def _to_pixels(region: bpy.types.Region) -> Matrix:
 
 
 def _draw_words() -> None:
-    """Say what there is to say over a viewport's picture."""
+    """Draw messages over a viewport's picture."""
     context = bpy.context
     shown = _shown_here(context)
     if shown is None:
@@ -199,11 +199,11 @@ def camera_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> Rectangl
 def frame_in_region(
     region: bpy.types.Region, view: bpy.types.RegionView3D, scene: bpy.types.Scene
 ) -> Rectangle | None:
-    """Return left, bottom, width and height of the clip's picture in a region that looks through the solved
-    camera, in pixels. It may reach past the region; None where it has no size there.
+    """Return left, bottom, width and height in pixels of the clip's picture in a region.
 
-    It is the rendered frame, as wide in any case; where that has another shape than the clip, the picture is
-    lower or higher, about the same middle.
+    The region looks through the solved camera. The picture may reach past it; None if it has no size there.
+    It has the width of the rendered frame; if that has another shape than the clip, the picture is lower or
+    higher, about the same centre.
     """
     output = output_in_region(region, view, scene)
     if output is None:
@@ -237,7 +237,7 @@ def output_in_region(
 
 
 def _wanted(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, room: float) -> Wanted:
-    """What the viewport of a context shows where the camera's frame is so many pixels wide; UserError."""
+    """The content of a context's viewport, whose camera frame has a width in pixels; UserError."""
     scene, shows = depsgraph.scene_eval, depsgraph.scene.virtual_aperture
     shot = shot_of(scene)
     clip = shot.size(shot.frame_at(clip_frame(scene)))
@@ -289,8 +289,10 @@ def _tick() -> float | None:
 
 
 def end() -> None:
-    """Put the viewports that show our pictures into Solid shading: without our engine Blender has EEVEE
-    draw them, which shows what the camera stands in."""
+    """Switch the viewports that show our pictures to Solid shading.
+
+    Without our engine Blender uses EEVEE for them, which shows the surroundings of the camera.
+    """
     manager = bpy.context.window_manager
     for window in manager.windows if manager is not None else ():
         if window.scene.render.engine != "VIRTUAL_APERTURE":

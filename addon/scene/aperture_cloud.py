@@ -32,8 +32,10 @@ def held() -> Iterator[None]:
 
 
 def update(settings: bpy.types.PropertyGroup) -> None:
-    """Move the points to where the settings put the virtual cameras; none while nothing is in focus. The
-    camera's own depth of field follows."""
+    """Move the points to where the settings put the virtual cameras; none while nothing is in focus.
+
+    The camera's own depth of field follows.
+    """
     if _held:
         return
     depth_of_field.show_in_camera(settings)

@@ -49,7 +49,7 @@ def aperture_image(path: Path) -> ApertureImage:
     try:
         written = path.stat().st_mtime_ns
     except OSError:
-        # Reading it tells why.
+        # Reading it raises the reason.
         written = 0
     return _read(path, written)
 

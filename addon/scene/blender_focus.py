@@ -1,7 +1,7 @@
 """Blender's own depth of field of the solved clip's camera, `Camera.dof`.
 
-What is in focus there: an object, where one is chosen, is in focus here, too. The focus distance follows the
-one of our settings by a driver, so that Cycles renders and the viewport show it; it says nothing itself.
+An object in focus there is in focus here, too. The focus distance follows ours by a driver, so that Cycles
+renders and the viewport show it; it has no influence.
 """
 
 from __future__ import annotations
@@ -12,12 +12,15 @@ from ..core.base.errors import UserError
 from .timeline import clip_frame
 
 PATH = "dof.focus_distance"
-"""Of a camera's data."""
+"""Path of the property in a camera's data."""
 
 
 def distance(settings: bpy.types.PropertyGroup) -> float | None:
-    """Depth along the optical axis, in scene units, of the object in focus at the present frame, less than
-    zero behind the camera; None without one. Evaluated settings give the evaluated depth."""
+    """Return the depth in scene units of the camera's focus object at the present frame.
+
+    It is along the optical axis, negative behind the camera; None without an object. Evaluated settings give
+    the evaluated depth.
+    """
     camera, thing = _camera(settings), focus_object(settings)
     if camera is None or thing is None:
         return None

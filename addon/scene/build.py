@@ -38,7 +38,7 @@ from .sound import clip_sounds, move_sound, set_sound
 from .timeline import check_frames
 
 LEAST_SIDE = 4
-"""Pixels; what is less, Blender takes for as many."""
+"""Least pixels of a side in Blender."""
 NAME = "Virtual Aperture"
 
 
@@ -183,8 +183,7 @@ def _object(
     collection: bpy.types.Collection,
     parent: bpy.types.Object | None,
 ) -> bpy.types.Object:
-    """The existing object, or a new one; what is not in the scene, as what was deleted, goes into our
-    collection."""
+    """The existing object, or a new one; objects outside of the scene go into our collection."""
     thing = existing or bpy.data.objects.new(name, kind.new(name) if kind is not None else None)
     if not parts.is_in(scene, thing):
         collection.objects.link(thing)
@@ -250,8 +249,11 @@ def first_file(footage: Footage) -> Path:
 
 
 def _set_output(scene: bpy.types.Scene, footage: Footage, is_other: bool) -> None:
-    """Output that the user did not set would be lost in Blender's temporary folder, or lie among the frames
-    of the clip that was there before (`is_other`)."""
+    """Set an output path unless the user did.
+
+    Frames would otherwise be lost in Blender's temporary folder, or lie among those of an earlier clip
+    (`is_other`).
+    """
     render = scene.render
     is_ours = bool(render.filepath) and render.filepath == scene.virtual_aperture.output
     is_temporary = render.filepath.rstrip("/\\") in {"", "/tmp", _temporary_folder()}
@@ -265,14 +267,13 @@ def _set_output(scene: bpy.types.Scene, footage: Footage, is_other: bool) -> Non
     path = str(folder)
     with contextlib.suppress(ValueError):  # another drive
         path = bpy.path.relpath(path) if saved else path
-    # What ends in a separator is a folder, in which files are named by their frames.
+    # A path that ends in a separator is a folder, in which files are named by their frames.
     render.filepath = path + ("/" if path.startswith("//") else os.sep)
     scene.virtual_aperture.output = render.filepath
 
 
 def _temporary_folder() -> str:
-    """What Blender renders into, without a last separator, as long as nobody says where; empty where no
-    folder for temporary files can be written."""
+    """Blender's default output folder, without a last separator; empty if no temporary folder is writable."""
     try:
         return str(place_of_temporary())
     except UserError:
@@ -280,7 +281,9 @@ def _temporary_folder() -> str:
 
 
 def _without_files(folder: Path) -> Path:
-    """The folder, or where files are in it, as of a clip with the same name, the first of FOLDER_2, FOLDER_3
-    and so on without any."""
+    """The folder, or if it has files, the first of FOLDER_2, FOLDER_3 and so on without any.
+
+    A clip with the same name may have made them.
+    """
     numbered = (folder.with_name(f"{folder.name}_{n}") for n in itertools.count(2))
     return next(f for f in itertools.chain([folder], numbered) if not f.is_dir() or not any(f.iterdir()))

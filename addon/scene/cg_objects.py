@@ -16,7 +16,7 @@ GEOMETRY = {
 SKY = {"TEX_ENVIRONMENT", "TEX_SKY"}
 """Types of a world's nodes with light from somewhere, and so shadows."""
 MOST_LAYERS = 6
-"""Layers of CG objects: each is a render of its own."""
+"""Layers of CG objects; each is a separate render."""
 
 
 def cg_objects(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
@@ -28,7 +28,7 @@ def cg_objects(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> list[bpy.t
     settings = scene.virtual_aperture
     ours = settings.points, settings.aperture
     blocking = {entry.thing for entry in settings.hidden}
-    # Of an object that was just removed from the file, None is left.
+    # An object that was just removed from the file leaves None.
     there = [thing for thing in layer.objects if thing is not None and thing not in ours]
     there = [thing for thing in there if thing not in blocking or not thing.hide_get(view_layer=layer)]
     return [thing for thing in there if _is_geometry(thing) and thing.visible_camera and is_rendered(thing)]
@@ -39,12 +39,12 @@ def _is_geometry(thing: bpy.types.Object) -> bool:
 
 
 def is_rendered(thing: bpy.types.Object) -> bool:
-    """Whether neither an object nor all collections that hold it are disabled in renders."""
+    """Return whether neither an object nor all of its collections are disabled in renders."""
     return not thing.hide_render and any(not each.hide_render for each in thing.users_collection)
 
 
 def has_shadows(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> bool:
-    """Whether a light is there that objects can stand in."""
+    """Return whether there is a light that can cast shadows."""
     lamps = [thing for thing in layer.objects if thing is not None and thing.type == "LIGHT"]
     world = scene.world
     nodes = world.node_tree.nodes if world is not None and world.node_tree is not None else ()
@@ -54,11 +54,15 @@ def has_shadows(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> bool:
 def split_by_depth(
     things: Sequence[bpy.types.Object], depsgraph: bpy.types.Depsgraph, to_camera: Floats
 ) -> list[tuple[list[bpy.types.Object], float]]:
-    """CG objects in groups that lie apart in depth, near ones first, each with the inverse depth of its
-    middle. What a group hides of another one is drawn, so that it may be seen past its silhouettes.
+    """Divide CG objects into groups apart in depth, near ones first, with the inverse depth of their middles.
 
-    `to_camera` (4, 4) is from the world to a camera that looks along -z. Objects that overlap in depth may
-    touch: they stay together, as do those that other objects are instances of.
+    Parts of a group hidden by another one are drawn, so that they are visible past its silhouettes. Objects
+    that overlap in depth may touch: they stay together, as do those that other objects instance.
+
+    Args:
+        things: The objects.
+        depsgraph: The evaluated scene.
+        to_camera: (4, 4) from the world to a camera that looks along -z.
     """
     spans = sorted((*_inverse_depths(thing, depsgraph, to_camera), n) for n, thing in enumerate(things))
     groups: list[tuple[float, float, list[int]]] = []
@@ -81,7 +85,7 @@ def _inverse_depths(
 ) -> tuple[float, float]:
     """Least and largest inverse depth of an object's bounding box before the camera."""
     if thing.type == "EMPTY" or thing.is_instancer or thing.particle_systems:
-        # Where its instances are, its box does not tell.
+        # Its box does not contain its instances.
         return 0.0, np.inf
     evaluated = thing.evaluated_get(depsgraph)
     corners = np.column_stack([np.array(evaluated.bound_box), np.ones(8)])

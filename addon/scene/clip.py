@@ -24,11 +24,11 @@ class Trouble:
     """Why the chosen clip is not the one that was solved."""
 
     text: str
-    """For the user: what is wrong."""
+    """The problem, for the user."""
     is_missing: bool
     """Nothing is where the path leads; else it leads to another clip."""
     found: Path | None = None
-    """Where the solved clip lies instead."""
+    """Path of the solved clip if it was moved."""
 
 
 _searches: dict[tuple[str, ...], tuple[float, Path | None]] = {}
@@ -62,9 +62,9 @@ def solved_part(settings: bpy.types.PropertyGroup, clip: Footage) -> Footage:
 
 
 def trouble_with(settings: bpy.types.PropertyGroup, at_a_glance: bool = True) -> Trouble | None:
-    """What is wrong with the path of the clip that was solved; None where nothing is, or nothing is solved.
+    """Return the problem with the path of the solved clip; None without one, or without a solve.
 
-    Cheap enough for a panel; without `at_a_glance` all bytes of a large clip are read once.
+    It is fast enough for a panel; without `at_a_glance` all bytes of a large clip are read once.
     """
     if settings.points is None or not settings.footage:
         return None
@@ -110,8 +110,11 @@ def _found(settings: bpy.types.PropertyGroup, path: Path, at_a_glance: bool) -> 
 
 
 def work_dir(settings: bpy.types.PropertyGroup, clip: Path, chosen: str | None = None) -> Path:
-    """The working folder that is set (or `chosen`, where it is given), or a clip's default one: in the cache
-    folder of the preferences, else beside the .blend, or beside the clip while that is not saved."""
+    """Return the working folder: the chosen or set one, or a clip's default.
+
+    The default is in the cache folder of the preferences, else beside the .blend, or beside the clip before
+    that is saved.
+    """
     chosen = settings.work_dir if chosen is None else chosen
     if chosen:
         return absolute(chosen, settings.id_data)

@@ -19,9 +19,9 @@ HLG_GAMMA = 1.2
 REC_709 = "Linear Rec.709"
 """The working space of a new .blend."""
 ALIKE = 2e-3
-"""Of the light of a probe: how far the model may be from Blender. HLG, whose curve Blender has in a table, is
-5e-4 off, and every camera's log under 1e-5; view transforms such as AgX, which mix channels, are 0.05 off and
-more (`tests/scene/test_colour_space.py`)."""
+"""Largest difference from Blender, as a share of a probe's light. HLG, whose curve Blender has in a table,
+differs by 5e-4, and every camera's log by less than 1e-5; view transforms such as AgX, which mix channels,
+differ by 0.05 and more (`tests/scene/test_colour_space.py`)."""
 
 
 def names() -> list[str]:
@@ -40,8 +40,13 @@ def checked(name: str) -> str:
 
 
 def space_of(settings: bpy.types.PropertyGroup, footage: Footage) -> ColourSpace | None:
-    """The colour space of a clip: what the user says, else what its tags say; None for sRGB, which the core
-    decodes itself. UserError for one that cannot be used."""
+    """Return the colour space of a clip by the user's setting, else by its tags; None for sRGB.
+
+    The core decodes sRGB itself.
+
+    Raises:
+        UserError: It cannot be used.
+    """
     name = settings.colour_space or footage.colour_space
     return None if name in (SRGB, "sRGB") else colour_space(name)
 
@@ -57,9 +62,10 @@ def from_rec_709() -> Floats | None:
 
 
 def colour_space(name: str) -> ColourSpace:
-    """A colour space of Blender's configuration as curve, matrix to the working space and system gamma.
+    """Return a colour space of Blender's as curve, matrix to the working space and system gamma.
 
-    UserError where Blender has none of that name, or it is not of this kind (a view transform, no data).
+    Raises:
+        UserError: Blender has none of this name, or it is of another kind (a view transform, no data).
     """
     return _taken_apart(checked(name), working_space())
 

@@ -1,9 +1,8 @@
-"""The aperture in terms of photography: its f-stop, and between which distances the picture is sharp.
+"""The aperture in terms of photography: its f-stop, and the sharp range.
 
-A reconstruction has no scale of its own. Where the user has said how long something is, or how far away,
-`metres_per_unit` of the settings is known, and with it the f-stop: focal length / (2 R), both in metres.
-Until then a scale is assumed for the f-stop. Blur, radius and f-stop are three views of one number, of which
-the radius R is kept.
+A reconstruction has no scale. Once the user gives a length or a distance, `metres_per_unit` of the settings
+is known, and the f-stop is focal length / (2 R), both in metres. Until then a scale is assumed. Blur, radius
+and f-stop are three views of one number; the radius R is stored.
 """
 
 from __future__ import annotations
@@ -24,13 +23,16 @@ from .shot import IDENTITY, reconstruction_of
 from .timeline import clip_frame
 
 NORMAL, PORTRAIT = 50.0, 2.0
-"""Millimetres on a full frame, and metres: the lens and the distance that an assumed scale is of. The presets
-of lenses are told at that distance, too."""
+"""Millimetres on a full frame, and metres: lens and distance of an assumed scale. Presets of lenses are
+defined at this distance, too."""
 
 
 def focal_metres(settings: bpy.types.PropertyGroup) -> float:
-    """The camera's focal length in metres at the present frame: of the sensor where its width is given, else
-    of a full frame, 36 mm wide, with the same field of view. 0 without a camera."""
+    """Return the camera's focal length in metres at the present frame; 0 without a camera.
+
+    It belongs to the sensor if its width is given, else to a full frame, 36 mm wide, with the same field of
+    view.
+    """
     if settings.camera is None or settings.camera.type != "CAMERA":
         return 0.0
     data = settings.camera.data
@@ -81,8 +83,10 @@ def _assumed_for(reconstruction: Reconstruction) -> float:
 
 
 def subject_metres(settings: bpy.types.PropertyGroup) -> float:
-    """How far away what is in focus is at the present frame, by the scale that is given or assumed; 0 where
-    nothing is."""
+    """Return the distance of the focus in metres at the present frame, by the given or assumed scale.
+
+    It is 0 without a focus.
+    """
     return lens.distance_now(settings) * scale(settings)
 
 
@@ -100,13 +104,16 @@ def f_stop(settings: bpy.types.PropertyGroup) -> float:
 
 
 _assumes = True
-"""Whether an f-stop that is set goes by an assumed scale where none is given."""
+"""True if an f-stop uses an assumed scale where none is given."""
 
 
 @contextmanager
 def by_given_scale() -> Iterator[None]:
-    """Within it an f-stop is set only where the scale is given. Presets tell a blur besides: that of their
-    own lens, where an assumed scale would have the f-stop of a long lens blur as little as on a short one."""
+    """Set f-stops within only if the scale is given.
+
+    Presets also have a blur: that of their lens. With an assumed scale the f-stop of a long lens would blur
+    as little as on a short one.
+    """
     global _assumes
     _assumes = False
     try:
@@ -137,8 +144,10 @@ def forget_scale(settings: bpy.types.PropertyGroup) -> None:
 
 
 def show_in_camera(settings: bpy.types.PropertyGroup) -> None:
-    """Give the camera's own depth of field the same aperture, for Cycles' renders of what is placed in the
-    scene: Blender takes its lens to be millimetres and the scene's units to be metres."""
+    """Set the same aperture in the camera's own depth of field, for Cycles' renders of placed objects.
+
+    Blender takes its lens to be millimetres and the scene's units to be metres.
+    """
     if settings.camera is None or settings.camera.type != "CAMERA" or not lens.has_radius(settings):
         return
     scale = settings.root.matrix_world.median_scale if settings.root is not None else 1.0
@@ -178,7 +187,7 @@ def _sharp_distances(
             reconstruction, focus, lens.registered(reconstruction, frame), radius
         )
     except UserError:
-        # A render says what is wrong.
+        # A render reports the error.
         return None
 
 
@@ -196,8 +205,10 @@ def sharp_words(settings: bpy.types.PropertyGroup) -> str:
 
 
 def length_words(settings: bpy.types.PropertyGroup, length: float) -> str:
-    """A length in scene units as the scene's other lengths are shown; as a bare number while no scale is
-    given: nobody knows how many metres it is."""
+    """Return a length in scene units like the scene's other lengths.
+
+    It is a bare number while the scale is unknown.
+    """
     units = settings.id_data.unit_settings
     if units.system == "NONE" or not settings.metres_per_unit > 0:
         return f"{length:.3g}"

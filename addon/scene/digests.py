@@ -1,4 +1,4 @@
-"""Digests of what a frame depends on besides files."""
+"""Digests of a frame's inputs besides files."""
 
 from __future__ import annotations
 

@@ -13,8 +13,11 @@ from ..core.media import picture_file
 
 
 def read(picture: Path | bytes) -> NDArray[np.float32]:
-    """(H, W, 3 or 4) float32 of a file or its bytes, premultiplied as it is stored, top row first; OSError
-    where it is no picture."""
+    """Return the pixels (H, W, 3 or 4) float32 of a file or its bytes, premultiplied, top row first.
+
+    Raises:
+        OSError: It is not a picture.
+    """
     is_file = isinstance(picture, Path)
     image = imbuf.load(str(picture)) if is_file else imbuf.load_from_buffer(picture)
     if image is None:

@@ -1,8 +1,8 @@
-"""The F-curve of the focus distance, which says what is in focus where that changes; focus marks write it.
+"""The F-curve of the focus distance, written by focus marks where the distance changes.
 
-Keys at marks are of the type Keyframe, those between, of what is followed or eased, of the type Generated, or
-Jitter at frames that do not show what is followed: the dope sheet has a colour for each. A curve that was
-edited since, in whichever way, is the user's: marks write it no more until the user says so.
+Keys at marks have the type Keyframe, those between, for followed or eased focus, the type Generated, or
+Jitter at frames that do not show a followed place: the dope sheet has a colour for each. After any edit the
+curve belongs to the user: marks do not write it until the user allows it.
 """
 
 from __future__ import annotations
@@ -18,14 +18,16 @@ from . import lens
 from .shot import reconstruction_of
 
 GROUP = "Focus"
-"""Of the F-curve, in the dope sheet."""
+"""Name of the F-curve's group in the dope sheet."""
 
 
 def write(
     settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark], unseen: Sequence[int]
 ) -> dict[int, float]:
-    """Make the curve of marks, in place of the one that is there; the distances by frame. At frames `unseen`
-    a mark is carried that they do not show."""
+    """Make the curve of marks, in place of the one that is there; the distances by frame.
+
+    At frames `unseen` a mark is carried that they do not show.
+    """
     own = {mark.frame for mark in marks}
     frames = sorted(own | set(range(settings.clip_first, settings.clip_last + 1)))
     distances = pull(marks, reconstruction_of(settings), frames)
@@ -71,8 +73,7 @@ def remove(settings: bpy.types.PropertyGroup) -> None:
 
 
 def is_users(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether the curve is another than the marks wrote: one of the user's own, one that was edited, or none
-    where they wrote one."""
+    """Return whether the curve is not the one that marks wrote: another, an edited, or a deleted one."""
     curve = lens.keys_of(settings, "focus_distance")
     return bool(settings.marks.written != ("" if curve is None else _digest(curve)))
 

@@ -1,7 +1,7 @@
-"""Focus marks: what is to be in focus at which frames, as the user has set it.
+"""Focus marks: the user's focus at frames.
 
-One mark is in focus throughout. What changes its distance over the clip is written as one F-curve of the
-focus distance (`focus_curve.py`); feature points alone are followed without keys.
+One mark gives a constant focus. A distance that changes over the clip is written as one F-curve of the focus
+distance (`focus_curve.py`); feature points alone are followed without keys.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class VirtualApertureFocusPoint(bpy.types.PropertyGroup):
 
 
 class VirtualApertureFocusPlace(bpy.types.PropertyGroup):
-    """One place that a mark has in focus: what `Place` is."""
+    """One place in focus of a mark: a `Place`."""
 
     frame: IntProperty(name="Frame", description="Frame it was picked in")
     xy: FloatVectorProperty(
@@ -85,7 +85,7 @@ class VirtualApertureFocusPlace(bpy.types.PropertyGroup):
 
 
 class VirtualApertureFocusMark(bpy.types.PropertyGroup):
-    """What is to be in focus at a frame; `name` says what it was found from."""
+    """The focus at a frame; `name` is the source of its distance."""
 
     frame: IntProperty(name="Frame", description="Frame at which this is in focus", update=_moved)
     easing: EnumProperty(
@@ -164,7 +164,7 @@ def put(
 
 
 def _add_present(settings: bpy.types.PropertyGroup) -> None:
-    """A mark of what is in focus without one: points that a script set, or a distance."""
+    """Add a mark for a focus without one: points set by a script, or a distance."""
     focus, distance, frame = lens.focus_of_settings(settings), settings.focus_distance, settings.focus_frame
     if focus.points or distance > 0:
         mark = settings.marks.items.add()
@@ -222,7 +222,7 @@ def remove(settings: bpy.types.PropertyGroup, index: int) -> None:
 
 
 def clear(settings: bpy.types.PropertyGroup) -> None:
-    """Forget the marks and the keys that they wrote; what is in focus is the caller's business."""
+    """Remove the marks and their keys; the caller sets the focus."""
     with lens.writing():
         if not are_keys_users(settings):
             focus_curve.remove(settings)
@@ -236,7 +236,7 @@ def are_keys_users(settings: bpy.types.PropertyGroup) -> bool:
 
 
 def say_the_focus(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether the marks are what is in focus, and no script has set something else since."""
+    """Return whether the focus is that of the marks, and no script has changed it since."""
     group = settings.marks
     if not len(group.items) or lens.has_keys(settings, "focus_distance"):
         return bool(len(group.items))
@@ -253,8 +253,7 @@ def take_keys_over(settings: bpy.types.PropertyGroup) -> None:
 
 
 def write(settings: bpy.types.PropertyGroup) -> None:
-    """Set the focus to what the marks say, by keys where its distance changes; keys of the user's stay, and
-    with them the focus."""
+    """Set the focus of the marks, by keys where its distance changes; the user's keys stay."""
     if are_keys_users(settings):
         return
     marks, at = sorted(marks_of(settings), key=lambda mark: mark.frame), lens.focus_of_settings(settings)
@@ -339,7 +338,7 @@ def _sort(settings: bpy.types.PropertyGroup, active: int | None = None) -> None:
 
 
 def _fill(mark: bpy.types.PropertyGroup, places: Sequence[Place]) -> None:
-    """Write places into a mark, in place of its own."""
+    """Replace the places of a mark."""
     mark.places.clear()
     mark.distance = float(1 / np.mean([1 / place.distance for place in places]))
     mark.name = _name_of(places)
@@ -377,7 +376,7 @@ def _place(kept: bpy.types.PropertyGroup) -> Place:
 
 
 def _name_of(places: Sequence[Place]) -> str:
-    """What was picked, in a word that a list has room for: the thumbnail says the rest."""
+    """A short name of the picked thing for a list; the thumbnail shows the rest."""
     if len(places) > 1:
         return "Places"
     (place,) = places

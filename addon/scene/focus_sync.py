@@ -1,4 +1,4 @@
-"""Chooses the aperture where an object is put in focus in the camera's own properties, which tell nobody."""
+"""Chooses the aperture after an object is put in focus in the camera's properties, without an event."""
 
 from __future__ import annotations
 

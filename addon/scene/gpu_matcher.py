@@ -1,5 +1,7 @@
-"""Who finds the depth levels of pixels: a GPU where there is a real one that does it as the processor, else
-the processor."""
+"""Choice between GPU and processor for the plane sweep.
+
+A real GPU is used if its result agrees with the processor's.
+"""
 
 from __future__ import annotations
 
@@ -39,8 +41,8 @@ differ by more. By eye: on software OpenGL and Vulkan none of the small picture 
 SURE = 0.05
 """The same of costs, in grey levels, from which confidence follows."""
 PATIENCE, LOOK = 30.0, 0.05
-"""Seconds that a sweep waits for the GPU, and between two checkpoints meanwhile. By eye: so long that another
-gives up only where one hangs, and what is found does not depend on who came first."""
+"""Seconds that a sweep waits for the GPU, and between two checkpoints. The wait is long enough that it fails
+only if another process hangs: results do not depend on which came first. Chosen by inspection."""
 
 _problem: str | None = None
 """Why this process's GPU sweeps not; empty where it does, None before that was asked."""
@@ -104,7 +106,7 @@ def _sweeps() -> bool:
 
 
 def _refuse(problem: str) -> None:
-    """Leave the sweep to the processor from now on, and say it once."""
+    """Leave the sweep to the processor from now on, with one note."""
     global _problem
     _problem = problem
     text = f"depth is found on the CPU instead of the GPU ({' '.join(problem.split())})"
@@ -129,8 +131,10 @@ def _turn() -> contextlib.AbstractContextManager[None]:
 
 
 def difference() -> str:
-    """How the GPU's result differs from the processor's for a small picture; empty where it does not, but for
-    rounding. Raises what the GPU raises."""
+    """Return the difference of the GPU's result from the processor's for a small picture.
+
+    It is empty except for rounding. Raises the GPU's errors.
+    """
     given = sample()
     ours, its = matching.winning_levels(*given), gpu_sweep.winning_levels(*given)
     for name, most in (("level", ALIKE), ("rivals", ALIKE), ("cost", SURE), ("spread", SURE)):
@@ -141,8 +145,11 @@ def difference() -> str:
 
 
 def sample(width: int = 61, height: int = 43, count: int = 14) -> tuple[Bytes, list[View], Floats, Map, Map]:
-    """The arguments of `winning_levels` of a picture with so many levels: two surfaces seen from both sides,
-    levels that one view does not see, places past its lens's picture and places with features."""
+    """Return arguments of `winning_levels` with a number of levels.
+
+    They have two surfaces seen from both sides, levels that one view does not see, places past its lens's
+    picture and places with features.
+    """
     noise = np.random.default_rng(1).integers(0, 256, (height, width + 32, 3)).astype(np.float32)
     wide = cv2.GaussianBlur(noise, (0, 0), 1.0)
     wide = np.clip(128 + 3 * (wide - 128), 0, 255).astype(np.uint8)

@@ -23,7 +23,7 @@ from . import gpu_sweep_shaders as shaders
 from .main_thread import Steps, draw, leave_shader
 
 UNKNOWN = -1e6
-"""Level of a pixel where no feature tells one."""
+"""Level of a pixel without features."""
 SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
 """Clip coordinates of a triangle that covers the whole target."""
 
@@ -31,8 +31,10 @@ type Texture = gpu.types.GPUTexture
 
 
 def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map) -> Winners:
-    """As `matching.winning_levels`; passes checkpoints. Needs a GPU context; RuntimeError or SystemError
-    where the GPU cannot."""
+    """As `matching.winning_levels`; passes checkpoints.
+
+    Needs a GPU context; RuntimeError or SystemError where the GPU cannot.
+    """
     sweep = _Sweep(picture, sorted(views, key=lambda view: view.side), levels, guide, known)
     return draw(sweep.steps(), sweep.count)
 
@@ -82,7 +84,7 @@ class _Sweep:
             reach=PRIOR_REACH,
         )  # fmt: skip
         _wait()
-        # What was swept is in `costs`: its room takes sums.
+        # The sweep's result is in `costs`: its texture is reused for sums.
         for way in self._summed(guide, costs, first, second):
             yield self.quads + way
         return self._won(costs, second, spreads)
@@ -152,8 +154,7 @@ class _Sweep:
         return Winners(level, rivals.astype(np.intp), cost / np.float32(STEPS), spread / np.float32(STEPS))
 
     def _guide(self) -> Map:
-        """(h, w, 4) grey level, its mean around, one over its variance there and the filter's epsilon, and
-        the level that features tell."""
+        """(h, w, 4) grey level, local mean, one over local variance plus epsilon, and the known level."""
         guide = self.guide.astype(np.float64)
         window = (2 * GUIDE_RADIUS + 1,) * 2
         mean, square = (
@@ -164,8 +165,11 @@ class _Sweep:
         return np.dstack([guide, mean, weight, known]).astype(np.float32)
 
     def _planes(self) -> Map:
-        """(k, 3 n, 4) for each level the rows of n views' homographies; besides, in each view's first row
-        whether it sees the plane, and in the very first view's second what the level costs more."""
+        """(k, 3 n, 4) rows of n views' homographies for each level.
+
+        The first row of each view also has whether it sees the plane, and the second row of the first view
+        the level's preference cost.
+        """
         width, height = self.size
         planes = np.zeros((len(self.levels), len(self.views), 3, 4), np.float32)
         for n, view in enumerate(self.views):
@@ -177,7 +181,7 @@ class _Sweep:
 
 
 class _Stage:
-    """A compute shader with what it reads and writes."""
+    """A compute shader with its inputs and outputs."""
 
     def __init__(
         self,

@@ -268,7 +268,7 @@ void main()
 
 @dataclass(frozen=True)
 class Program:
-    """What a compute shader is made of, by name and in order of their slots."""
+    """The parts of a compute shader by name, in the order of their slots."""
 
     source: str
     numbers: tuple[str, ...] = ()
@@ -328,9 +328,9 @@ def compute(name: str, quads: int) -> gpu.types.GPUShader:
 
 
 def winners() -> gpu.types.GPUShader:
-    """What draws the winners of all levels onto a screen of the picture's size.
+    """Return the shader that draws the winners of all levels onto a screen of the picture's size.
 
-    Drawn, not computed: what a framebuffer holds may be read back at once on every backend.
+    It draws, because the content of a framebuffer can be read at once on every backend.
     """
     info = gpu.types.GPUShaderCreateInfo()
     info.push_constant("INT", "levels")

@@ -1,4 +1,4 @@
-"""How bright restored highlights become, as photographers say it: in stops over the estimate."""
+"""Brightness of restored highlights in a photographer's unit: stops over the estimate."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def set_boost(settings: bpy.types.PropertyGroup, stops: float) -> None:
 
 
 def are_restored(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether highlights that are clipped in the clip get their light back."""
+    """Return whether clipped highlights are restored."""
     return bool(settings.highlights > 0)
 
 

@@ -1,4 +1,4 @@
-"""What a scene asks for that a render of ours does not give."""
+"""Settings of a scene that our renders ignore."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _passes(scene: bpy.types.Scene) -> Iterator[str]:
 
 
 def warn_of_ignored(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
-    """A render's warnings of what it ignores: of an animation, on its first frame only."""
+    """Warn of ignored settings in a render; in an animation, on its first frame only."""
     if not engine.is_animation or scene.frame_current == scene.frame_start:
         for line in ignored(scene):
             engine.report({"WARNING"}, line)

@@ -1,10 +1,9 @@
-"""The lens that the settings describe: what is in focus, and an aperture that stays as it was chosen.
+"""The lens of the settings: focus, and an aperture that keeps its size.
 
-Blur and aperture radius say the same thing in two ways: the blur at one frame, with what is in focus there;
-the radius for the whole clip. Once it is chosen the radius is what counts: the blur is computed from it
-whenever it is read, for the present frame and focus, and editing it sets the radius. A keyed blur counts
-itself, at every frame. The blur that is stored is the last one that was wished for: it counts where nothing
-is in focus, or no radius is chosen.
+Blur and aperture radius are two views of one value: the blur at one frame, with its focus; the radius for the
+whole clip. A chosen radius is stored: the blur is computed from it whenever it is read, for the present frame
+and focus, and editing it sets the radius. A keyed blur counts at every frame. The stored blur is the last
+wished one: it counts without a focus, or without a chosen radius.
 """
 
 from __future__ import annotations
@@ -36,8 +35,7 @@ _writing = False
 
 @contextmanager
 def writing() -> Iterator[None]:
-    """Within it the properties of the lens are only written: none changes another, and the blur is the number
-    that is stored."""
+    """Write properties of the lens within without effects on each other; the blur is the stored number."""
     global _writing
     before, _writing = _writing, True
     try:
@@ -47,13 +45,15 @@ def writing() -> Iterator[None]:
 
 
 def is_writing() -> bool:
-    """Whether `writing` is under way."""
+    """Return whether `writing` is active."""
     return _writing
 
 
 def focus_of(settings: bpy.types.PropertyGroup) -> Focus:
-    """What is in focus, Blender's own focus of the camera before that of the settings; one that raises when
-    used where nothing is."""
+    """Return the focus: Blender's own of the camera before that of the settings.
+
+    Without a focus, the result raises when it is used.
+    """
     own = focus_of_settings(settings)
     distance = blender_focus.distance(settings)
     return own if distance is None else Focus(distance=distance, tilt=own.tilt, swing=own.swing)
@@ -75,7 +75,7 @@ def focus_of_settings(settings: bpy.types.PropertyGroup) -> Focus:
 
 
 def focal_of(settings: bpy.types.PropertyGroup) -> Focal | None:
-    """What the settings tell of the clip's focal length."""
+    """Return the focal length by the settings."""
     if settings.lens == "GIVEN":
         equivalent = settings.equivalent
         return lambda width, height: from_equivalent(equivalent, width, height)
@@ -95,7 +95,11 @@ def frame_options(settings: bpy.types.PropertyGroup, reconstruction: Reconstruct
 
 
 def radius_of(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> float:
-    """The aperture's radius that counts, in scene units; UserError where the blur counts and tells none."""
+    """Return the aperture's radius in scene units.
+
+    Raises:
+        UserError: It follows from the blur, which has no value.
+    """
     if has_radius(settings):
         return float(settings.aperture_radius)
     frame = settings.focus_frame
@@ -105,18 +109,18 @@ def radius_of(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
 
 
 def is_in_focus(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether anything is in focus."""
+    """Return whether there is a focus."""
     focus = focus_of(settings)
     return bool(focus.points) or focus.distance is not None
 
 
 def has_radius(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether the aperture's radius counts; else the blur does."""
+    """Return whether the aperture's radius counts; else the blur does."""
     return bool(settings.aperture_radius > 0) and not is_keyed(settings, "blur")
 
 
 def is_keyed(settings: bpy.types.PropertyGroup, name: str) -> bool:
-    """Whether a property has keys or a driver."""
+    """Return whether a property has keys or a driver."""
     animation, path = settings.id_data.animation_data, settings.path_from_id(name)
     if animation is None:
         return False
@@ -124,7 +128,7 @@ def is_keyed(settings: bpy.types.PropertyGroup, name: str) -> bool:
 
 
 def has_keys(settings: bpy.types.PropertyGroup, name: str) -> bool:
-    """Whether a property has keys."""
+    """Return whether a property has keys."""
     return keys_of(settings, name) is not None
 
 
@@ -135,7 +139,7 @@ def keys_of(settings: bpy.types.PropertyGroup, name: str) -> bpy.types.FCurve | 
 
 
 def channels_of(settings: bpy.types.PropertyGroup) -> bpy.types.ActionChannelbag | None:
-    """What holds the F-curves of the scene; None where it has none."""
+    """Return the F-curves of the scene; None without any."""
     from bpy_extras.anim_utils import action_get_channelbag_for_slot
 
     animation = settings.id_data.animation_data
@@ -145,7 +149,7 @@ def channels_of(settings: bpy.types.PropertyGroup) -> bpy.types.ActionChannelbag
 
 
 def key_distance(settings: bpy.types.PropertyGroup) -> None:
-    """Make the distance a key of its animation at the present frame, and what is in focus."""
+    """Key the distance at the present frame, and put it in focus."""
     with writing():
         settings.focus_by = "DISTANCE"
         settings.id_data.keyframe_insert(settings.path_from_id("focus_distance"), frame=_frame(settings))
@@ -189,24 +193,27 @@ def reset(settings: bpy.types.PropertyGroup, frame: int) -> None:
 
 
 def set_aperture(settings: bpy.types.PropertyGroup, radius: float, blur: float | None) -> None:
-    """Choose the aperture's radius, and the blur that was wished for; without one, what the radius makes of
-    the focus."""
+    """Choose the aperture's radius, and the wished blur; by default the radius gives the blur."""
     with writing():
         settings.aperture_radius, settings.follows_blur = radius, False
         settings.blur = _blur_at(settings, settings.focus_frame) or settings.blur if blur is None else blur
 
 
 def blur_now(settings: bpy.types.PropertyGroup, stored: float) -> float:
-    """The blur of the radius that counts, at the present frame and with the present focus; the number that is
-    stored where that counts, where nothing is in focus, and within `writing`."""
+    """Return the blur of the radius at the present frame and focus.
+
+    It is the stored number if that counts, without a focus, and within `writing`.
+    """
     if is_writing() or not has_radius(settings):
         return stored
     return _blur_at(settings, _frame(settings)) or stored
 
 
 def on_blur(settings: bpy.types.PropertyGroup) -> None:
-    """The blur was edited: it says, with the present focus at the present frame, what the radius is. The
-    number that was shown, typed again, changes nothing."""
+    """Set the radius from an edited blur, with the present focus at the present frame.
+
+    The shown number, typed again, changes nothing.
+    """
     now = _blur_at(settings, _frame(settings)) if has_radius(settings) else None
     if now is not None and _is_as_shown(settings.blur, now):
         return
@@ -215,7 +222,7 @@ def on_blur(settings: bpy.types.PropertyGroup) -> None:
 
 
 def on_radius(settings: bpy.types.PropertyGroup) -> None:
-    """The radius was edited: the blur that it makes is what was wished for."""
+    """Set the wished blur from an edited radius."""
     settings.follows_blur = False
     settings.blur = _blur_at(settings, _frame(settings)) or settings.blur
 
@@ -248,7 +255,7 @@ def _store_radius(settings: bpy.types.PropertyGroup, frame: int) -> None:
         at = registered(reconstruction, frame)
         radius = radius_for_blur(reconstruction, focus_of(settings), at, settings.blur)
     except UserError:
-        # The next focus chooses it; a render before says what is wrong.
+        # The next focus chooses it; a render before reports the error.
         radius = 0.0
     settings.aperture_radius = radius
 
@@ -258,8 +265,10 @@ _last: tuple[tuple[object, ...], float | None] | None = None
 
 
 def _blur_at(settings: bpy.types.PropertyGroup, frame: int) -> float | None:
-    """The blur that the aperture's radius makes at a frame, with the present focus; None without a focus, or
-    with everything in it."""
+    """The blur of the aperture's radius at a frame, with the present focus.
+
+    None without a focus, or with everything in it.
+    """
     global _last
     if settings.points is None:
         return None
@@ -285,8 +294,7 @@ def _is_as_shown(typed: float, now: float) -> bool:
 
 
 def distance_now(settings: bpy.types.PropertyGroup) -> float:
-    """Scene units to what is in focus at the present frame, along the optical axis; 0 where that is not
-    known."""
+    """Return the distance of the focus at the present frame along the optical axis; 0 if it is unknown."""
     if settings.points is None or not is_in_focus(settings):
         return 0.0
     try:

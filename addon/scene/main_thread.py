@@ -27,7 +27,7 @@ next."""
 SLICE = 0.04
 """Seconds of drawing between two looks at the interface's events."""
 IDLE = 0.02
-"""Seconds between two looks for work: what a preview waits for at most."""
+"""Seconds between two looks for work: the longest wait of a preview."""
 
 
 @dataclass
@@ -37,7 +37,7 @@ class _Job[T]:
     steps: Steps[T]
     done: int = 0
     made: list[T] = field(default_factory=list)
-    """What the steps return, once they have."""
+    """Return value of the steps."""
     error: Exception | None = None
     is_cancelled: bool = False
     ended: threading.Event = field(default_factory=threading.Event)
@@ -48,7 +48,7 @@ _current: _Job[Any] | None = None
 
 
 def call[T](function: Callable[[], T]) -> T:
-    """What a function returns on the main thread; raises what it raises, and Cancelled."""
+    """Return the result of a function on the main thread; raises its errors, and Cancelled."""
 
     def steps() -> Steps[T]:
         yield 0
@@ -120,17 +120,17 @@ def _tick() -> float:
 
 
 def leave_shader() -> None:
-    """Bind a shader of Blender's own, before a step ends that has bound another.
+    """Bind one of Blender's shaders before a step that has bound another ends.
 
     Without it a sweep's last shader drew the first view after it (`tests/scene/test_gpu_sweep.py` renders
-    one). Blender tells by its address which shader is bound: where one that was freed while it was bound left
-    its address to the next, that would not be bound. That this is the reason is likely, not proven.
+    one). Blender identifies the bound shader by its address: if a bound shader was freed and the next one got
+    its address, that would not be bound. This reason is likely, not proven.
     """
     gpu.shader.from_builtin("UNIFORM_COLOR").bind()
 
 
 def has_gpu_context() -> bool:
-    """Whether this thread has an active GPU context."""
+    """Return whether this thread has an active GPU context."""
     try:
         gpu.types.GPUFrameBuffer()
     except (RuntimeError, SystemError):  # the latter before there is any, in background mode
@@ -145,7 +145,7 @@ def start() -> None:
 
 
 def stop() -> None:
-    """Drop all work: what it holds on the GPU must not outlive the window. Those who wait get Cancelled."""
+    """Drop all work, whose GPU data must not outlive the window; waiting threads get Cancelled."""
     global _current
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)

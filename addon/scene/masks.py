@@ -1,4 +1,4 @@
-"""Blender's mask datablock as a mask of what moves by itself: its splines, frame by frame."""
+"""Blender's mask datablock as a mask of moving pixels: its splines, frame by frame."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Layer:
     blend: str
     is_inverted: bool
     overlaps: bool
-    """What is inside two outlines is inside; else it is a hole."""
+    """True if areas inside two outlines are inside; else they are holes."""
 
 
 @dataclass(frozen=True)
@@ -47,25 +47,24 @@ class DrawnMask:
     size: tuple[int, int]
     """(width, height) of the clip's picture."""
     layers: dict[int, tuple[Layer, ...]]
-    """Of each frame."""
+    """Layers of each frame."""
 
     def at(self, frame: int) -> Map | None:
-        """(H, W) over the clip's picture, the opacity in [0, 1] of what moves by itself; None for a frame
-        that is unknown."""
+        """Return the opacity (H, W) in [0, 1] of moving pixels over the clip's picture; None if unknown."""
         return None if frame not in self.layers else raster(self.layers[frame], self.size)
 
     def is_still(self, mask: bpy.types.Mask, frame: int) -> bool:
-        """Whether the datablock, evaluated at a frame, is what was taken; True where nobody can tell."""
+        """Return whether the datablock at a frame is unchanged; true if it cannot be evaluated."""
         if not mask.is_evaluated or frame not in self.layers:
             return True
         return _same(self.layers[frame], layers_of(mask))
 
 
 def drawn_mask(mask: bpy.types.Mask, frames: Iterable[int], size: tuple[int, int]) -> DrawnMask:
-    """The mask at all frames of a clip of size (width, height), with its shape keys and its feather.
+    """Read the mask in every frame of a clip of size (width, height), with shape keys and feather.
 
-    Points that follow a track stay where they were drawn. The frames are evaluated in a scene made for that,
-    on the main thread, and the user's own scene stays at its frame.
+    Points that follow a track keep their place. The frames are evaluated in a temporary scene, on the main
+    thread; the user's scene stays at its frame.
     """
     wanted = list(frames)
 
@@ -86,7 +85,7 @@ def drawn_mask(mask: bpy.types.Mask, frames: Iterable[int], size: tuple[int, int
 
 
 def layers_of(mask: bpy.types.Mask) -> tuple[Layer, ...]:
-    """What a mask shows at the frame that it is evaluated at."""
+    """Return the layers of a mask at the frame that it is evaluated at."""
     return tuple(
         Layer(
             *_outlines([each for each in layer.splines if each.use_fill and len(each.points) > 1]),
@@ -140,8 +139,7 @@ def _outline(spline: bpy.types.MaskSpline) -> Floats:
 
 
 def raster(layers: Iterable[Layer], size: tuple[int, int]) -> Map:
-    """(H, W) opacity in [0, 1] of layers over each other as Blender mixes them, for a picture of size (width,
-    height)."""
+    """Return the opacity (H, W) in [0, 1] of layers, mixed like Blender's, at a size (width, height)."""
     value = np.zeros(size[::-1], np.float32)
     for layer in layers:
         inside = _filled(layer, size)
@@ -152,8 +150,7 @@ def raster(layers: Iterable[Layer], size: tuple[int, int]) -> Map:
 
 
 def _filled(layer: Layer, size: tuple[int, int]) -> Map:
-    """(H, W) in [0, 1]: 1 inside the outlines, the share of a pixel on them, and what the feather leaves
-    outside."""
+    """(H, W) in [0, 1]: 1 inside the outlines, a share on them, and the feather outside."""
     width, height = size
     # An outline is drawn finer, and its pixels counted. OpenCV counts from the centre of the first pixel.
     scale = max(size) * np.array([1.0, -1.0])
@@ -196,8 +193,7 @@ def _feathered(outline: Floats, feather: Floats, falloff: str, size: tuple[int, 
 
 
 def _fallen(left: Floats, falloff: str) -> Floats:
-    """(H, W) opacity over a feather, of which so much (H, W) is left, from 1 at the outline to 0: Blender's
-    falloffs."""
+    """(H, W) opacity over a feather with a remaining share (H, W), by one of Blender's falloffs."""
     match falloff:
         case "SMOOTH":
             return left**2 * (3 - 2 * left)

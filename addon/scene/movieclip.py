@@ -115,7 +115,7 @@ def _intrinsics(clip: bpy.types.MovieClip, footage: Footage, notes: list[str]) -
         )
     camera = clip.tracking.camera
     aspect = camera.pixel_aspect
-    # The pictures of a video whose pixels are not square come stretched by what its header says.
+    # Pictures of a video without square pixels are stretched by its header's ratio.
     shapes = np.array([1.0, aspect]) * width / height
     if np.all(np.abs(footage.width / footage.height / shapes - 1) > SAME_SHAPE):
         raise UserError(
@@ -220,7 +220,7 @@ def _fitted(
     # factor = (1 + a . powers) / (1 + b . powers), times the lower side, in distances and not in ratios.
     columns = square[:, None] ** 0.5 * np.concatenate([powers, -factor[:, None] * powers], axis=1)
     found = []
-    # What is no function of the radius can make the lower side pass through zero: then the upper one alone.
+    # Terms besides the radius can make the lower side pass through zero: then the upper one alone.
     for count in (3, 6):
         terms = np.zeros(6)
         terms[:count] = np.linalg.lstsq(columns[:, :count], square**0.5 * (factor - 1), rcond=1e-12)[0]

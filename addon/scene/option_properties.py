@@ -54,5 +54,5 @@ def with_options(
 
 
 def values_of(group: bpy.types.PropertyGroup, options: Mapping[str, Option]) -> dict[str, Any]:
-    """What a property group holds of options, by their names; choices as identifiers."""
+    """Return the values of options in a property group, by name; choices as identifiers."""
     return {name: getattr(group, name) for name in options}

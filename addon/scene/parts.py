@@ -7,11 +7,11 @@ import bpy
 from .shot import IDENTITY
 
 PARTS = {"root": "root", "camera": "camera", "points": "point cloud", "aperture": "virtual cameras"}
-"""Properties of the settings that point to objects, and what the user knows these as."""
+"""Properties of the settings that point to objects, and their names for the user."""
 
 
 def is_in(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bool:
-    """Whether an object is in a scene: one that was deleted lives on while a property points to it."""
+    """Return whether an object is in a scene: a deleted one exists while a property points to it."""
     if thing is None:
         return False
     found = scene.objects.get(thing.name)
@@ -20,7 +20,7 @@ def is_in(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bool:
 
 
 def missing(scene: bpy.types.Scene) -> list[str]:
-    """What of a solved clip the scene does not hold any more, in the user's words."""
+    """Return the parts of a solved clip that the scene has lost, in the user's words."""
     settings = scene.virtual_aperture
     if not settings.clip_identity and settings.points is None:
         return []
@@ -28,8 +28,10 @@ def missing(scene: bpy.types.Scene) -> list[str]:
 
 
 def leave_shared(scene: bpy.types.Scene) -> None:
-    """Forget objects that are another scene's too (a linked copy's), or linked from a library: a new solve
-    would change that scene's under its settings. Those of this scene are to be made anew."""
+    """Forget objects that another scene has, too, or that are linked from a library.
+
+    A new solve would change a linked copy's scene. This scene's objects are then made anew.
+    """
     settings = scene.virtual_aperture
     others = [other.virtual_aperture for other in bpy.data.scenes if other != scene]
     ours = {getattr(settings, name) for name in PARTS} - {None}

@@ -20,9 +20,11 @@ _before: list[tuple[bpy.types.bpy_struct, str, str]] = []
 
 
 def absolute(path: str, owner: bpy.types.ID | None = None) -> Path:
-    """A path of the settings, with Blender's // resolved; as it is in a .blend that was never saved.
+    """Return a path of the settings with Blender's // resolved; unchanged in an unsaved .blend.
 
-    `owner` is what holds it: where that is linked, // stands for the folder of the .blend it is linked from.
+    Args:
+        path: The path.
+        owner: Its datablock: if that is linked, // is the folder of the .blend that it is linked from.
     """
     if path.startswith("//"):
         # By the text, as Blender does it: a folder on the way may be a link.
@@ -69,7 +71,7 @@ def _save_pre(filepath: str, _unused: object) -> None:
         for owner, name in owned(scene):
             value = getattr(owner, name)
             kept = relative(value, folder) if value else value
-            # A folder's last separator tells it from the beginning of a file's name.
+            # The last separator distinguishes a folder from the beginning of a file name.
             kept += "/" if value.endswith(("/", os.sep)) and not kept.endswith("/") else ""
             if kept != value:
                 _before.append((owner, name, value))

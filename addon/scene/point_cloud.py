@@ -14,7 +14,7 @@ HIDDEN = "Hidden"
 
 
 def is_shown(thing: bpy.types.Object) -> bool:
-    """Whether the point cloud's vertices are drawn in Object Mode."""
+    """Return whether the point cloud's vertices are drawn in Object Mode."""
     modifier = thing.modifiers.get(HIDDEN)
     return modifier is None or not modifier.show_viewport
 
@@ -26,8 +26,10 @@ def show(thing: bpy.types.Object, shown: bool) -> None:
 
 
 def make_hidden(thing: bpy.types.Object) -> None:
-    """Leave no vertex to draw in Object Mode, unless `show` was told otherwise: they would lie over the clip.
-    The object itself stays visible, because Tab edits no hidden one, and in Edit Mode all are there."""
+    """Hide the vertices in Object Mode, unless `show` has shown them: they would cover the clip.
+
+    The object stays visible, because Tab edits no hidden one, and in Edit Mode all vertices are there.
+    """
     # The mesh keeps the groups, and loses them when it is filled anew.
     if HIDDEN not in thing.vertex_groups:
         thing.vertex_groups.new(name=HIDDEN)

@@ -12,22 +12,22 @@ from ..core.sfm.state import STATE
 from ..core.sfm.workspace import default_work_dir
 
 PACKAGE = ".".join(__package__.split(".")[:-2]) or __package__.split(".")[0]
-"""What Blender calls the extension; in a checkout, the add-on's folder."""
+"""Blender's name of the extension; in a checkout, the add-on's folder."""
 GB = 1 << 30
-"""Bytes of what the preferences call GB."""
+"""Bytes of a GB in the preferences."""
 
 
 def preferences() -> bpy.types.AddonPreferences | None:
-    """What the user chose; None where the extension is not enabled in Blender's preferences."""
+    """Return the user's preferences; None if the extension is not enabled in Blender."""
     addon = bpy.context.preferences.addons.get(PACKAGE)
     return addon.preferences if addon is not None else None
 
 
 def preferred_work_dir(clip: Path, beside: Path) -> Path:
-    """The working folder of a clip for which none is set: in the cache folder, if there is one, else in the
-    folder `beside`. A solve that lies there already stays in use.
+    """Return the working folder of a clip without one: in the cache folder, if there is one, else `beside`.
 
-    In the cache folder it is named after the clip's path, too: many clips have the same name.
+    An existing solve there stays in use. In the cache folder its name includes the clip's path: many clips
+    have the same name.
     """
     default, chosen = default_work_dir(clip, beside), preferences()
     if chosen is None or not chosen.cache_folder or (default / STATE).exists():
@@ -37,7 +37,7 @@ def preferred_work_dir(clip: Path, beside: Path) -> Path:
 
 
 def apply() -> None:
-    """Have the core keep to what the user chose; without preferences, to what the environment says."""
+    """Apply the preferences to the core; without them the environment counts."""
     chosen = preferences()
     if chosen is not None:
         limits.limit_threads(chosen.threads)

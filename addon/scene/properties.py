@@ -1,4 +1,4 @@
-"""What the user sets, kept in the .blend as property groups of the scene."""
+"""The user's settings, kept in the .blend as property groups of the scene."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _set_auto_views(settings: VirtualApertureSettings, auto: bool) -> None:
     if auto:
         settings.views = 0
     elif settings.views == 0:
-        # What they were until now.
+        # Their values so far.
         shown = settings.aperture.data if settings.aperture is not None else None
         settings.views = (len(shown.vertices) if shown else 0) or SHOWN_VIEWS
 
@@ -99,7 +99,7 @@ def _show_points(settings: VirtualApertureSettings, shown: bool) -> None:
 
 
 MOVE_VIEWS = ("method", "quality", "views", "seed")
-"""Options that say where the virtual cameras stand."""
+"""Options that determine the virtual cameras."""
 
 
 class VirtualApertureHidden(bpy.types.PropertyGroup):
@@ -463,12 +463,14 @@ CLASSES = (
 
 
 def register() -> None:
+    """Register the property groups, and the settings of scenes."""
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.virtual_aperture = PointerProperty(type=VirtualApertureSettings)
 
 
 def unregister() -> None:
+    """Remove the settings of scenes, and unregister the property groups."""
     del bpy.types.Scene.virtual_aperture
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

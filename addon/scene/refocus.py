@@ -22,7 +22,7 @@ LENGTHS = ("focus_distance", "aperture_radius")
 
 @dataclass(frozen=True)
 class KeptFocus:
-    """What the lens was set to, in terms of the reconstruction that is about to be replaced."""
+    """The lens settings in terms of the old reconstruction."""
 
     reconstruction: Reconstruction
     focus: Focus
@@ -34,7 +34,7 @@ class KeptFocus:
     """0 where it is not known."""
     marks: tuple[FocusMark, ...] = ()
     is_first: bool = False
-    """Whether nobody had picked the focus."""
+    """True if the focus was not picked by the user."""
 
 
 def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | None:
@@ -62,7 +62,7 @@ def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | Non
 
 
 def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Reconstruction) -> str:
-    """Put the kept focus into a scene whose clip was solved again; what the user should know, if anything.
+    """Put the kept focus into a scene whose clip was solved again; returns a note for the user, or "".
 
     Keys of the distance and of the aperture are brought to the new scale, too.
     """

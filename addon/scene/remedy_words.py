@@ -1,4 +1,4 @@
-"""What the interface calls the ways out of an error."""
+"""Names of the remedies of errors in the interface."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Any animated camera of a scene as the camera of the clip: Blender's own, or what Alembic, FBX, USD, .chan
-and the exports of matchmoving programs became once imported.
+"""Any animated camera of a scene as the camera of the clip.
 
-Poses and lens are what Blender would render with, constraints, parents and drivers done; points are found in
-the clip (`core/sfm/known_poses.py`). A frame of the clip has the scene's frame of the same number, or one an
-offset later.
+It is Blender's own, or an import of Alembic, FBX, USD, .chan and the exports of matchmoving programs. Poses
+and lens are those of Blender's renders, with constraints, parents and drivers; points are found in the clip
+(`core/sfm/known_poses.py`). A frame of the clip has the scene's frame of the same number, or with an offset.
 """
 
 from __future__ import annotations
@@ -24,8 +23,7 @@ from .timeline import go_to
 
 FORMAT = "Blender camera"
 BEYOND = 2000
-"""Frames before and after the clip whose camera is looked at, at most, to tell by which offset it would
-fit."""
+"""Most frames before and after the clip whose cameras are read to find a fitting offset."""
 SHEAR = 1e-3
 """By which the axes of a camera may be off a right angle, for which Blender would draw a skewed picture."""
 
@@ -81,7 +79,7 @@ def read_scene_camera(
 
 
 def _shape(scene: bpy.types.Scene, footage: Footage) -> tuple[tuple[int, int, float, float], list[str]]:
-    """Width, height and the sides of a pixel of the pictures that the camera is for; and what to know."""
+    """Width, height and pixel sides of the pictures that the camera belongs to, and notes."""
     render = scene.render
     size = render.resolution_x, render.resolution_y
     pixel = render.pixel_aspect_x, render.pixel_aspect_y

@@ -47,22 +47,22 @@ REMEMBERED = 256 << 20
 
 @dataclass(frozen=True)
 class Filmed:
-    """A clip's pictures, and what the user says moves in them."""
+    """A clip's pictures, and the user's masks of moving pixels."""
 
     footage: Footage
     masks: Masks | None = None
     drawn: DrawnMask | None = None
     space: ColourSpace | None = None
-    """What the pictures are in, where it is not sRGB."""
+    """Colour space of the pictures if it is not sRGB."""
     repaired: dict[int, int] = field(default_factory=dict, compare=False)
-    """Of the frames read so far, those with pixels that were not finite numbers, and how many."""
+    """Number of pixels that were not finite, by frame read so far."""
     _pictures: LRUCache[Pixels] = field(
         default_factory=lambda: LRUCache[Pixels](REMEMBERED, lambda picture: picture.nbytes),
         repr=False, compare=False,
     )  # fmt: skip
 
     def read(self, frame: int) -> Pixels:
-        """A frame's picture, remembered: depth, what moves and what is lent ask for the same ones."""
+        """Return a frame's picture, remembered: depth, subjects and hidden colours need the same ones."""
         return self._pictures.get(frame, lambda: self._finite(frame))
 
     def _finite(self, frame: int) -> Pixels:
@@ -72,8 +72,7 @@ class Filmed:
         return picture if self.space is None else self.space.to_light(picture)
 
     def masked(self, frame: int) -> Map | None:
-        """(H, W) over a frame, the opacity in [0, 1] of what the user says moves by itself; None where
-        nothing is said."""
+        """Return the opacity (H, W) of moving pixels by the user's masks over a frame; None without one."""
         given = [source.at(frame) for source in (self.masks, self.drawn) if source is not None]
         known = [mask for mask in given if mask is not None]
         return np.maximum.reduce(known) if known else None
@@ -81,14 +80,14 @@ class Filmed:
 
 @dataclass(frozen=True)
 class Shot:
-    """A clip and what structure from motion found in it."""
+    """A clip and its solve."""
 
     footage: Footage
     reconstruction: Reconstruction
     depth: UserDepth | None = None
     """The user's depth maps."""
     masks: Masks | None = None
-    """The user's pictures of what moves by itself."""
+    """The user's pictures of moving pixels."""
     drawn: DrawnMask | None = None
     """The mask that is drawn in Blender; either is enough."""
     subjects: tuple[MarkedSubject, ...] = ()
@@ -104,7 +103,7 @@ class Shot:
 
     filmed: Filmed | None = field(default=None, repr=False, compare=False)
     found: ClipSubjects | None = field(default=None, repr=False, compare=False)
-    """What another shot of the same clip and masks has read and found: strokes do not change it."""
+    """Subjects found by another shot of the same clip and masks: strokes do not change them."""
 
     @cached_property
     def context(self) -> ClipContext:
@@ -120,8 +119,7 @@ class Shot:
         return replace(self, subjects=marked, filmed=self._filmed, found=self._found)
 
     def apart(self) -> Shot:
-        """Return the shot with its own clip, which shares nothing with this one but what is kept on disk:
-        another thread may work with it."""
+        """Return the shot with a separate clip, for another thread; only files are shared."""
         footage = open_footage(
             self.footage.path, self.footage.frames, info=self.footage.video, stills=self.footage.is_stills
         )
@@ -157,17 +155,16 @@ class Shot:
         return store
 
     def _kept(self, key: Callable[[], str]) -> DepthStore | None:
-        """What is kept under a key; None where there is no working folder."""
+        """The storage under a key; None without a working folder."""
         return DepthStore(self.work / KEPT_DEPTH, key) if self.work else None
 
     def _depth_key(self, quality: Quality) -> str:
-        """16 hexadecimal digits of all that the depth found in the clip in a quality depends on, as its files
-        are now."""
+        """16 hexadecimal digits of all inputs of the clip's depth in a quality, as its files are now."""
         marked = tuple(each.key for each in self.subjects)
         return self._key(marked, quality.stereo, quality.fusion, Networks().exist)
 
     def _subject_key(self) -> str:
-        """The same of what moves by itself, whatever is marked."""
+        """The same for subjects, independent of strokes."""
         return self._key(Networks().exist)
 
     def _highlight_key(self) -> str:
@@ -270,8 +267,13 @@ def reconstruction_of(settings: bpy.types.PropertyGroup) -> Reconstruction:
 
 
 def picture_size(scene: bpy.types.Scene) -> tuple[int, int]:
-    """Return (width, height) in pixels of the clip's picture in the scene's frame, for which the footage need
-    not be there; UserError for a scene without a solve, or a photo without a camera."""
+    """Return (width, height) in pixels of the clip's picture in the scene's frame.
+
+    The footage need not exist.
+
+    Raises:
+        UserError: The scene has no solve, or the photo no camera.
+    """
     solved = reconstruction_of(scene.virtual_aperture)
     if solved.is_ordered:
         camera = solved.cameras[solved.images[0].camera]
@@ -285,7 +287,7 @@ def points_mesh(settings: bpy.types.PropertyGroup) -> bpy.types.Mesh:
     version.check(settings)
     if settings.points is None or settings.points.type != "MESH":
         raise UserError("the scene has no solved clip; choose a clip and solve it first")
-    # What is evaluated has gone through the modifier that hides the points, and has lost what it kept.
+    # The evaluated mesh has lost these attributes in the modifier that hides the points.
     return settings.points.original.data
 
 

@@ -26,8 +26,8 @@ def clip_sounds(scene: bpy.types.Scene) -> list[bpy.types.SoundStrip]:
 def set_sound(scene: bpy.types.Scene, footage: Footage) -> None:
     """Replace the strips of the clip's sound.
 
-    Blender plays only the first sound track of a file. Where the clip's is a later one
-    (`VideoInfo.sound_track`), a copy of that is packed into the .blend.
+    Blender plays only the first sound track of a file. If the clip's is a later one
+    (`VideoInfo.sound_track`), a copy of the track is packed into the .blend.
     """
     editor = scene.sequence_editor
     for strip in clip_sounds(scene):
@@ -76,7 +76,9 @@ def sound_file(sound: bpy.types.Sound) -> Iterator[Path]:
 
 
 def sound_frame(footage: Footage) -> int:
-    """The frame of the timeline at which a clip's sound begins. Strips lie at whole frames.
+    """The frame of the timeline at which a clip's sound begins.
+
+    Strips lie at whole frames.
 
     The clip's first picture is frame 1, whatever range is rendered.
     """

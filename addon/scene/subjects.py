@@ -46,7 +46,7 @@ class VirtualApertureStroke(bpy.types.PropertyGroup):
 
 
 def _renamed(subject: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
-    """Names tell subjects from each other."""
+    """Keep names unique."""
     items = subject.id_data.virtual_aperture.subjects.items
     others = {each.name for each in items if each != subject}
     if subject.name in others or not subject.name:
@@ -131,7 +131,7 @@ def add_strokes(settings: bpy.types.PropertyGroup, name: str, strokes: Sequence[
 
 
 def set_strokes(settings: bpy.types.PropertyGroup, name: str, strokes: Sequence[Stroke]) -> None:
-    """Write strokes of a subject in place of its own; as `add_strokes`."""
+    """Replace the strokes of a subject; see `add_strokes`."""
     for each in settings.subjects.items:
         if each.name == name:
             each.strokes.clear()
@@ -149,7 +149,7 @@ def remove(settings: bpy.types.PropertyGroup, index: int) -> None:
 
 
 def _changed(settings: bpy.types.PropertyGroup) -> None:
-    """Viewports show the frame again: what moves in it is other."""
+    """Redraw viewports: the moving pixels have changed."""
     settings.id_data.update_tag()
     redraw.viewports()
 

@@ -31,7 +31,7 @@ def clip_frame(scene: bpy.types.Scene, at: int | None = None) -> int:
 
 
 def is_remapped(scene: bpy.types.Scene) -> bool:
-    """Whether *Time Remapping* changes the numbers of frames."""
+    """Return whether *Time Remapping* changes the numbers of frames."""
     return bool(scene.render.frame_map_old != scene.render.frame_map_new)
 
 

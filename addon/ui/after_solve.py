@@ -1,4 +1,4 @@
-"""What the windows show when a solve has come into the scene."""
+"""Views in the windows after a solve has come into the scene."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ..render.overlay import Rectangle
 from ..render.viewport import frame_in_region
 
 MARGIN = 0.98
-"""Of a viewport's free width or height, that a camera's frame may take."""
+"""Share of a viewport's free width or height for a camera's frame."""
 LEAST_ZOOM, MOST_ZOOM = -30.0, 600.0
-"""Of a camera view, in Blender's measure."""
+"""Bounds of the zoom of a camera view, in Blender's unit."""
 PROBE = 0.1
 """Offset of a camera view, in Blender's measure, by which is found how far one moves the frame."""
 SOLID = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
@@ -49,8 +49,7 @@ def look_through_camera(window: bpy.types.Window) -> None:
 
 
 def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
-    """Put the camera's frame in the middle of what headers and sidebars leave free of a viewport, and make it
-    as large as it can be there."""
+    """Put the camera's frame in the middle of a viewport's free part, as large as possible."""
     view = area.spaces.active.region_3d
     region = next(each for each in area.regions if each.type == "WINDOW" and each.data == view)
 
@@ -108,7 +107,7 @@ def clear_the_way(scene: bpy.types.Scene, reconstruction: Reconstruction) -> Non
 
 
 def _is_placed(thing: bpy.types.Object) -> bool:
-    """Whether Blender knows where an object is: it does not evaluate those disabled in viewports."""
+    """Return whether Blender evaluates an object: those disabled in viewports are not evaluated."""
     return not thing.hide_viewport and any(not each.hide_viewport for each in thing.users_collection)
 
 

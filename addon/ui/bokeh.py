@@ -1,5 +1,4 @@
-"""Pictures of apertures as icons: what a point of light out of focus looks like, in panels and beside
-presets."""
+"""Pictures of apertures as icons: a point of light out of focus, in panels and beside presets."""
 
 from __future__ import annotations
 
@@ -49,17 +48,19 @@ def pixels(aperture: Aperture) -> Any:
 
 
 def preset_icon(file: Path) -> int:
-    """The icon of a preset's aperture; 0 where the preset does not tell one."""
+    """Return the icon of a preset's aperture; 0 if the preset has none."""
     try:
         return icon(preset_aperture(file))
     except (OSError, ValueError, TypeError, SyntaxError, UserError):
-        # A user may have written it; using it tells what is wrong.
+        # A user may have written the preset; using it shows the error.
         return 0
 
 
 def preset_aperture(file: Path) -> Aperture:
-    """The aperture that a preset sets, which is read and not run. Raises OSError, SyntaxError, ValueError,
-    TypeError and UserError for a file that is none."""
+    """The aperture that a preset sets, which is read and not run.
+
+    Raises OSError, SyntaxError, ValueError, TypeError and UserError for a file that is none.
+    """
     return _read(file, file.stat().st_mtime_ns)
 
 

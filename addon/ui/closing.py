@@ -1,7 +1,8 @@
-"""Closing Blender while a movie or an export is being made.
+"""Closing Blender during a movie or an export.
 
-Blender asks about unsaved changes only, and add-ons cannot add to its question. So the key that quits has a
-question of its own, and the status bar and the File menu announce what ends. Finished frames are kept.
+Blender asks about unsaved changes only, and add-ons cannot add to its question. The key that quits therefore
+has a separate question, and the status bar and the File menu announce the work that would end. Finished
+frames are kept.
 """
 
 from __future__ import annotations

@@ -43,8 +43,11 @@ _ahead: DepthAhead | None = None
 
 
 def begin(work: Path) -> None:
-    """Find depth for the solve in a working folder, in place of what is under way; UserError where no process
-    can be started."""
+    """Find depth for the solve in a working folder, in place of the present work.
+
+    Raises:
+        UserError: No process can be started.
+    """
     global _ahead
     stop()
     made = DepthAhead(work)
@@ -57,8 +60,10 @@ def begin(work: Path) -> None:
 
 
 def _opened(work: Path) -> Path:
-    """What the process opens: the working folder, or a copy of the file where the user says what moves, or
-    what the clip was recorded in: depth depends on both."""
+    """The file that the process opens: the working folder, or a copy of the .blend.
+
+    The copy is needed if the user has set moving pixels, or the clip's colour space: depth depends on both.
+    """
     settings = bpy.context.scene.virtual_aperture
     if not settings.footage or _folder(settings) != work or settings.points is None:
         return work
@@ -71,8 +76,7 @@ def _opened(work: Path) -> Path:
 
 
 def begin_after_solve(work: Path | None) -> None:
-    """`begin` where somebody sits before a window and there is a folder; the panel says what cannot be
-    started."""
+    """Call `begin` in a window with a working folder; the panel shows an error."""
     global _ahead
     if bpy.app.background or work is None:
         return
@@ -84,7 +88,7 @@ def begin_after_solve(work: Path | None) -> None:
 
 
 def stop() -> None:
-    """End what is under way, without waiting for its end; what was found is kept."""
+    """End the present work without waiting; finished frames are kept."""
     global _ahead
     if _ahead is not None:
         _ahead.leave()
@@ -116,7 +120,7 @@ def _remember(work: Path, finds_depth: bool) -> None:
 
 
 def of(settings: bpy.types.PropertyGroup) -> DepthAhead | None:
-    """What is under way, or has ended, for the clip that is shown."""
+    """Return the present or finished work for the clip of the settings."""
     if _ahead is None or not settings.footage or _ahead.work != _folder(settings):
         return None
     return _ahead
@@ -186,7 +190,7 @@ class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
-    """Stop finding depth. What has been found is kept, and Find Depth continues from there"""
+    """Stop finding depth. Found depth is kept, and Find Depth continues from there"""
 
     bl_idname = "virtual_aperture.pause_depth"
     bl_label = "Pause"

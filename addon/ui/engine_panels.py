@@ -20,7 +20,7 @@ TABS = (
     "bl_ui.properties_object",
     "bl_ui.properties_data_camera",
     "bl_ui.properties_data_mesh",
-    # Of CG objects, which Cycles draws.
+    # Panels of CG objects, which Cycles draws.
     "bl_ui.properties_data_curves",
     "bl_ui.properties_data_light",
     "bl_ui.properties_data_pointcloud",
@@ -31,14 +31,14 @@ TABS = (
     # Heard in movies whichever engine draws them.
     "bl_ui.properties_data_speaker",
 )
-"""The modules of Blender's interface whose panels say something of our renders, of our camera and points, or
-of CG objects; and those that begin as `PHYSICS`. Not Freestyle, which does not show."""
+"""Modules of Blender's interface whose panels apply to our renders, our camera and points, or CG objects; and
+those that begin as `PHYSICS`. Freestyle, which has no effect, is left out."""
 PHYSICS = "bl_ui.properties_physics_"
 IGNORED = (
     "DATA_PT_camera_stereoscopy",
     # A ball in the light, which our engine does not draw.
     "DATA_PT_preview",
-    # What it shows, the panel of EEVEE shows, too.
+    # The panel of EEVEE shows the same.
     "DATA_PT_light",
     "NODE_DATA_PT_light",
     "RENDER_PT_gpencil",
@@ -51,7 +51,7 @@ IGNORED = (
 )
 """Beginnings of the names of panels in `TABS` that would promise what our engine ignores."""
 MORE = (
-    # The compositor's device, which is everybody's and has no panel of its own; its parent comes along.
+    # The compositor's device is common to all engines and has no panel; its parent is included.
     "RENDER_PT_eevee_performance",
     "RENDER_PT_eevee_performance_compositor",
     "RENDER_PT_eevee_performance_compositor_denoise_settings",
@@ -63,7 +63,7 @@ MORE = (
     "DATA_PT_EEVEE_light",
     "EEVEE_WORLD_PT_surface",
 )
-"""Panels without the common mark that say something of our renders all the same."""
+"""Panels without the common mark that apply to our renders."""
 
 _joined: list[type[bpy.types.Panel]] = []
 

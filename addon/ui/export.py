@@ -1,5 +1,4 @@
-"""Export: files for other programs, which another process makes from a copy of the file, as Render Clip does
-movies."""
+"""Export: files for other programs, made by another process from a copy of the file."""
 
 from __future__ import annotations
 
@@ -43,7 +42,7 @@ class ExportJob(movie.MovieJob):
 
     @property
     def name(self) -> str:
-        """What is being made, in a sentence."""
+        """Its name in a sentence."""
         return f"the export to {self.out.name}"
 
     def clear(self) -> None:
@@ -63,8 +62,11 @@ def under_way() -> ExportJob | None:
 
 
 def begin(scene: bpy.types.Scene, what: str, folder: Path, overwrite: bool) -> ExportJob:
-    """Have the frames of the scene's range exported; UserError where that cannot be, or would replace files
-    unasked."""
+    """Export the frames of the scene's range in another process.
+
+    Raises:
+        UserError: It cannot be started, or would replace files unasked.
+    """
     global _export
     frames = [each for each in shot_of(scene).footage.frames if scene.frame_start <= each <= scene.frame_end]
     if not frames:
@@ -97,7 +99,7 @@ def _tick() -> float | None:
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """The button, or how far the export is with a button to cancel it; and what became of the last one."""
+    """Draw the button, or the progress with a button to cancel; and the result of the last export."""
     if _export is not None and _export.is_running:
         stop = VIRTUAL_APERTURE_OT_cancel_export.bl_idname
         progress_row(layout, _export.words, _export.share, _export.left, stop)

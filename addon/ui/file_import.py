@@ -26,8 +26,10 @@ MODELS = (".bin", ".txt", ".out", ".nvm", ".json", ".npz", ".r3d")
 
 
 class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, operators.Solves, bpy.types.Operator):  # noqa: N801
-    """Choose a video, any image of a sequence, or a folder of images, and solve it. If it has been solved
-    before, that solve is loaded"""
+    """Choose a video, any image of a sequence, or a folder of images, and solve it.
+
+    If it has been solved before, that solve is loaded
+    """
 
     bl_idname = "virtual_aperture.import_clip"
     # Blender shows it where other handlers take the file, too.
@@ -127,7 +129,7 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         name = Path(self.filepath).name
-        # Not in `poll`: Blender would take no drop then, and say nothing.
+        # Not in `poll`: Blender would then refuse the drop without a message.
         operators.check_may_change(context.scene)
         if not context.scene.virtual_aperture.footage and import_solve.recorded(self.filepath) is None:
             raise UserError(f"{name} is a solve, but no clip has been chosen for it; drop the clip first")

@@ -60,7 +60,7 @@ class VIRTUAL_APERTURE_OT_find_clip(ShowsClips, bpy.types.Operator):  # noqa: N8
 
 
 def _meant(chosen: Path, name: str) -> list[Path]:
-    """What a path in the file browser may stand for: for a sequence, one of its pictures or its folder."""
+    """Possible clips of a path in the file browser: a sequence by one of its pictures, or its folder."""
     if is_pattern(chosen.parent / name):
         return [chosen.parent / name, chosen / name, chosen, chosen.parent]
     return [chosen, chosen.parent]

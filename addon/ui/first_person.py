@@ -30,8 +30,7 @@ class Search:
     """Identity of the solve that it looks in."""
 
     def settings(self) -> bpy.types.PropertyGroup | None:
-        """The settings that still wait for the result; None where the focus was picked or the clip solved
-        again meanwhile."""
+        """The settings that wait for the result; None if the focus was picked or the clip solved again."""
         scene = bpy.data.scenes.get(self.scene)
         if scene is None or scene.virtual_aperture.points is None:
             return None
@@ -44,8 +43,11 @@ _search: Search | None = None
 
 
 def focus(scene: bpy.types.Scene) -> None:
-    """Put the nearest subject in focus where nobody has picked a focus: in the window once one is found, else
-    now. UserError as of `shot_of` and `nearest_subject`."""
+    """Put the nearest subject in focus if no focus was picked: in the window once one is found, else now.
+
+    Raises:
+        UserError: As of `shot_of` and `nearest_subject`.
+    """
     global _search
     settings = scene.virtual_aperture
     stop()
@@ -92,8 +94,11 @@ def _put(settings: bpy.types.PropertyGroup, place: Place | None) -> None:
 
 
 def _must_wait(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether the scene may not be changed now: an operator of the extension waits for the mouse, Blender
-    renders, or the point cloud is in Edit Mode, where undo knows nothing but the mesh."""
+    """Return whether the scene must not be changed now.
+
+    An operator of the extension waits for the mouse, Blender renders, or the point cloud is in Edit Mode,
+    whose undo contains the mesh only.
+    """
     windows = bpy.context.window_manager.windows
     modal = (operator.bl_idname for window in windows for operator in window.modal_operators)
     is_operating = any(name.startswith("VIRTUAL_APERTURE_OT_") for name in modal)

@@ -23,9 +23,9 @@ from .operators import Result, has_points, is_met, may_change, reported
 def focus_on(
     settings: bpy.types.PropertyGroup, frame: int, places: Sequence[Place], add: bool = False
 ) -> str:
-    """Put places in focus at a frame, as `focus_marks.put`; what was done, in a line.
+    """Put places in focus at a frame, as `focus_marks.put`; returns a line about it.
 
-    Where the focus distance has keys of the user's, the pick is the next of them.
+    If the focus distance has keys of the user's, the pick is the next of them.
     """
     marked = subjects.mark_new(settings, places)
     released = blender_focus.release(settings)
@@ -79,7 +79,7 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
         focus = Focus(tuple(ids), through_points=own.through_points)
         image, _ = reconstruction.image_at(clip_frame(context.scene))
         frame = image.frame
-        # Whether there is a plane through them.
+        # Not all selections have a plane through them.
         focus.lens(reconstruction, frame, reconstruction.intrinsics(image).without_distortion(), 1.0)
         distance = 1 / focus.inverse_depth(reconstruction, frame)
         # In Edit Mode only the mesh can be undone, and the points' colours are hidden.

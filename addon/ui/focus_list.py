@@ -19,8 +19,8 @@ from .operators import Result, has_focus, has_solve, is_met, may_change, reporte
 from .report_list import next_of
 
 FRAME, NAME = 0.16, 0.7
-"""Shares of a row that the frame's button has, and of what is left that thumbnail and name have: in a sidebar
-as wide as Blender opens it, frame, name and distance are whole. By eye."""
+"""Shares of a row for the frame's button, and of the rest for thumbnail and name: at Blender's default width
+of the sidebar, frame, name and distance are complete. Chosen by inspection."""
 
 
 def has_marks(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
@@ -48,7 +48,7 @@ class ChangesMarks:
         return {"FINISHED"}
 
     def change(self, settings: bpy.types.PropertyGroup, frame: int) -> str:
-        """Change the marks; what was done, in a line. UserError where that cannot be."""
+        """Change the marks; returns a line about it, or raises UserError."""
         raise NotImplementedError
 
 
@@ -98,7 +98,7 @@ class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
 
 
 def held(settings: bpy.types.PropertyGroup, frame: int) -> list[Place]:
-    """What is in focus at a frame: the places of the mark that is held there, else the bare distance."""
+    """Return the focus at a frame: the places of the mark that is held there, else the distance."""
     marks = sorted(focus_marks.marks_of(settings), key=lambda mark: mark.frame)
     if marks and (len(marks) == 1 or frame > marks[-1].frame):
         return list(marks[-1].places)
@@ -153,8 +153,10 @@ class VIRTUAL_APERTURE_OT_jump_to_focus_mark(bpy.types.Operator):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
-    """Go to the next frame in which the thing in focus is hidden. Its distance is estimated there; pick it
-    again if it is off"""
+    """Go to the next frame in which the thing in focus is hidden.
+
+    Its distance is estimated there; pick it again if it is off
+    """
 
     bl_idname = "virtual_aperture.jump_to_unseen"
     bl_label = "Next Frame With Hidden Focus"
@@ -178,8 +180,10 @@ def unseen_frames(settings: bpy.types.PropertyGroup) -> list[int]:
 
 
 class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  # noqa: N801
-    """Replace the keyframes of the focus distance with those of the focus marks. Your edits to them are
-    lost"""
+    """Replace the keyframes of the focus distance with those of the focus marks.
+
+    Your edits to them are lost
+    """
 
     bl_idname = "virtual_aperture.write_focus_marks"
     bl_label = "Restore Focus Mark Keys"

@@ -1,7 +1,7 @@
 """The focus strip: thumbnails of the focus marks over the scene's frames, at the bottom of the camera view.
 
-A handler draws it, so that it is seen while the clip plays, too. A gizmo without a look of its own takes
-clicks and drags on thumbnails alone: whatever else the mouse does in the view stays as it is.
+A handler draws it, so that it is visible during playback, too. An invisible gizmo takes clicks and drags on
+thumbnails only: other uses of the mouse in the view are unchanged.
 """
 
 from __future__ import annotations
@@ -36,8 +36,10 @@ PICKERS = {"VIRTUAL_APERTURE_OT_pick_focus", "VIRTUAL_APERTURE_OT_pick_subject"}
 
 
 def spread(places: Sequence[float], apart: float, low: float, high: float) -> Floats:
-    """(n,) places in ascending order as near as possible to given ones in that order (least squares), each
-    two neighbours `apart` at least, all from `low` to `high`; closer where there is no room for that."""
+    """Return positions (n,) with a least distance, as near as possible to given ones.
+
+    They are in ascending order, from `low` to `high`, by least squares; closer where there is no room.
+    """
     count = len(places)
     if count == 0:
         return np.zeros(0)
@@ -58,7 +60,7 @@ class Strip:
     """Where the strip is in a region, in its pixels, (0, 0) bottom left."""
 
     left: float
-    """Of the first frame on the track; `right` of the last one."""
+    """Position of the first frame on the track; `right` of the last one."""
     right: float
     bottom: float
     """Lower edge of the strip."""
@@ -115,8 +117,11 @@ class Strip:
 
 
 def strip_of(context: bpy.types.Context) -> Strip | None:
-    """The strip of a 3D viewport; None where it shows none: not through the solved camera, without overlays,
-    of a single mark, which the panel names, or while something is picked."""
+    """Return the strip of a 3D viewport; None where there is none.
+
+    There is none outside of the solved camera's view, without overlays, for a single mark, which the panel
+    names, and during a pick.
+    """
     scene, space, region, view = context.scene, context.space_data, context.region, context.region_data
     settings = scene.virtual_aperture
     if not (len(settings.marks.items) > 1 and space.overlay.show_overlays):
@@ -147,7 +152,7 @@ class VIRTUAL_APERTURE_OT_drag_focus_mark(ChangesMarks, bpy.types.Operator):  # 
     frame: bpy.props.IntProperty(name="Frame", description="Frame to move it to", options={"SKIP_SAVE"})
 
     dragged: tuple[int, int] | None = None
-    """Of the class: the frame that a mark is dragged from, and the one that it is over."""
+    """Class attribute: the frame that a mark is dragged from, and the one under the mouse."""
 
     def change(self, settings: bpy.types.PropertyGroup, _frame: int) -> str:
         if self.index >= len(settings.marks.items):

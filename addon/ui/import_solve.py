@@ -1,4 +1,4 @@
-"""Operators that take in what another program, or Blender's own tracker, solved."""
+"""Operators that import solves of other programs, or of Blender's own tracker."""
 
 from __future__ import annotations
 
@@ -33,8 +33,10 @@ from .operators import (
 
 
 class Import:
-    """Read, keep in the working folder, bring into the scene; a solve that is there is only replaced when the
-    user was asked."""
+    """Read a model, keep it in the working folder, and bring it into the scene.
+
+    An existing solve is only replaced after a question.
+    """
 
     bl_options = {"UNDO"}  # noqa: RUF012
 
@@ -47,7 +49,7 @@ class Import:
     _asks = False
 
     def read(self, footage: Footage) -> Imported:
-        """What is to be imported; UserError where it cannot be."""
+        """Return the import; UserError if it fails."""
         raise NotImplementedError
 
     def ask(self) -> None:
@@ -97,8 +99,11 @@ class Import:
 
 
 def find_points(found: Imported, clip: Path) -> Result:
-    """Find the points of a clip whose cameras are known, with the interface alive and ESC to cancel; what
-    became of it. UserError where that cannot be."""
+    """Find the points of a clip with known cameras; ESC cancels.
+
+    Raises:
+        UserError: It fails.
+    """
     VIRTUAL_APERTURE_OT_find_points.wanted = found, clip
     try:
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
@@ -117,8 +122,8 @@ class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
     bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
 
     wanted: tuple[Imported, Path] | None = None
-    """Of the class: the cameras, and the clip that they are of."""
-    # Whoever calls it has asked.
+    """Class attribute: the cameras and their clip."""
+    # The caller has asked the question.
     again = True
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
@@ -256,8 +261,10 @@ class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa
 
 
 class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa: N801
-    """Use an animated camera of this scene as the clip's camera. Its motion and lens are kept, and points
-    are found for it"""
+    """Use an animated camera of this scene as the clip's camera.
+
+    Its motion and lens are kept, and points are found for it
+    """
 
     bl_idname = "virtual_aperture.use_scene_camera"
     bl_label = "Use Scene Camera"

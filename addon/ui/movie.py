@@ -1,5 +1,7 @@
-"""The clip as a movie with sound, which another process renders from a copy of the file: the user goes on
-meanwhile, and no output setting of the scene is touched."""
+"""The clip as a movie with sound, rendered by another process from a copy of the file.
+
+The user can continue to work, and output settings of the scene are not touched.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ from ..scene.timeline import clip_frame
 from .text import progress_row
 
 ENDING = "_render"
-"""Of a movie's name, after the clip's: the clip may lie beside it."""
+"""Suffix of a movie's name after the clip's: the clip may lie beside it."""
 
 
 class MovieJob(Job):
@@ -42,7 +44,7 @@ class MovieJob(Job):
 
     @property
     def name(self) -> str:
-        """What is being made, in a sentence."""
+        """Its name in a sentence."""
         return f"the movie {self.out.name}"
 
     def clear(self) -> None:
@@ -59,8 +61,11 @@ _movie: MovieJob | None = None
 
 
 def movie_path(scene: bpy.types.Scene) -> Path:
-    """Where the scene's clip is written to as a movie, by the output path: that itself where it names a
-    movie; beside the folder that a solve has set for frames; else there, under the name of what it names."""
+    """Return the path of the scene's movie by the output path.
+
+    It is that path if it names a movie; a file beside the folder that a solve has set for frames; else a file
+    there, under the same name.
+    """
     output, settings = scene.render.filepath, scene.virtual_aperture
     folder = Path(bpy.path.abspath(scene.render.frame_path(frame=scene.frame_start))).parent
     name = "" if output.endswith(("/", os.sep)) else Path(output.replace("\\", "/")).name
@@ -77,13 +82,16 @@ def movie_path(scene: bpy.types.Scene) -> Path:
 
 
 def _without_number(name: str) -> str:
-    """What stands before the #### of a name."""
+    """The part of a name before its ####."""
     return name.rstrip("#").rstrip("_-. ")
 
 
 def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieJob:
-    """Have the scene's frames rendered as a movie; UserError where that cannot be, or would replace a file
-    unasked."""
+    """Render the scene's frames as a movie in another process.
+
+    Raises:
+        UserError: It cannot be started, or would replace a file unasked.
+    """
     global _movie
     check_output(out, overwrite)
     made = MovieJob(out)
@@ -102,8 +110,7 @@ def under_way() -> MovieJob | None:
 
 
 def draw(layout: bpy.types.UILayout) -> None:
-    """How far the movie is, with a button to cancel it, or the one that was written, with a button to play
-    it; nothing where there is none."""
+    """Draw the progress of a movie with a button to cancel it, or a finished movie with one to play."""
     if _movie is None:
         return
     if _movie.is_running:
@@ -116,7 +123,7 @@ def draw(layout: bpy.types.UILayout) -> None:
 
 
 def _is_of(scene: bpy.types.Scene, made: MovieJob) -> bool:
-    """Whether a movie is what the scene's clip was written to."""
+    """Return whether a movie is one of the scene's clip."""
     has_clip = bool(scene.virtual_aperture.footage)
     return made.failure is None and has_clip and made.out == movie_path(scene)
 

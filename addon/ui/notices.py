@@ -1,4 +1,4 @@
-"""What panels tell of what will not go as the user may think."""
+"""Warnings in panels."""
 
 from __future__ import annotations
 
@@ -30,8 +30,10 @@ def draw_scene(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Another clip than the solved one is chosen, or it is not where the path leads: and the way out. Nothing
-    while a clip is being solved, which is the way out."""
+    """Another clip than the solved one is chosen, or it is not where the path leads: and the way out.
+
+    Nothing while a clip is being solved, which is the way out.
+    """
     if running_solve() is not None:
         return
     trouble = trouble_with(context.scene.virtual_aperture)
@@ -52,7 +54,7 @@ def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """What is to be known of the solved clip: damage, and frames that do not follow each other evenly."""
+    """Draw notes on the solved clip: damage, and uneven frames."""
     settings = context.scene.virtual_aperture
     if settings.points is not None and settings.clip_notes:
         box = layout.box()
@@ -84,7 +86,7 @@ def draw_shape(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def draw_ignored(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """What the scene asks for and the render will not give."""
+    """Draw the settings of the scene that renders ignore."""
     if lines := ignored(context.scene):
         box = layout.box()
         for line in lines:

@@ -1,4 +1,4 @@
-"""Solving a clip, and what the operators share."""
+"""Solving a clip, and common code of the operators."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ LOOK = 0.1
 
 
 def may_change(cls: Any, context: bpy.types.Context) -> bool:
-    """Poll: what is set in the scene will be kept."""
+    """Poll whether changes of the scene will be saved."""
     try:
         check_may_change(context.scene)
     except UserError as error:
@@ -47,7 +47,11 @@ def may_change(cls: Any, context: bpy.types.Context) -> bool:
 
 
 def check_may_change(scene: bpy.types.Scene) -> None:
-    """UserError where the scene is linked, or a newer version made it: what is set in it would be lost."""
+    """Check that changes of the scene will be saved.
+
+    Raises:
+        UserError: The scene is linked, or a newer version made it.
+    """
     if scene.library is not None:
         file = Path(scene.library.filepath).name
         raise UserError(f"{scene.name} is linked from {file}; open that file, or append the scene from it")
@@ -60,7 +64,7 @@ def sentence(text: str) -> str:
 
 
 def is_met(cls: Any, condition: object, message: str) -> bool:
-    """Poll: a condition holds; else `message` is what the button says of it."""
+    """Poll a condition; `message` is the button's reason otherwise."""
     if not condition:
         cls.poll_message_set(message)
     return bool(condition)
@@ -89,7 +93,7 @@ def has_focus(cls: Any, context: bpy.types.Context) -> bool:
 
 
 def has_points(cls: Any, context: bpy.types.Context, to_do: str) -> bool:
-    """Poll: the point cloud is edited; `to_do` is what is to be selected."""
+    """Poll for a selection in the point cloud; `to_do` names it."""
     if not may_change(cls, context) or not has_solve(cls, context):
         return False
     points = context.scene.virtual_aperture.points
@@ -105,7 +109,7 @@ def has_points(cls: Any, context: bpy.types.Context, to_do: str) -> bool:
 
 
 def refused(error: RuntimeError) -> UserError:
-    """What an operator that was called from Python reported, as an error of the caller's own."""
+    """Return the error of an operator called from Python."""
     return UserError(str(error).removeprefix("Error: ").strip())
 
 
@@ -130,8 +134,11 @@ def is_kept(settings: Any) -> bool:
 
 
 def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[Solve, str]:
-    """Build the solve of the clip that a working folder keeps into a scene; what became of its focus, if that
-    is worth saying."""
+    """Build the solve of a working folder into a scene.
+
+    Returns:
+        The solve, and a note on its focus, or "".
+    """
     solve = load_solve(folder, footage.path)
     kept = keep_focus(scene.virtual_aperture, footage.path)
     points = scene.virtual_aperture.points
@@ -155,7 +162,7 @@ def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple
 
 
 def kept_words(folder: Path) -> str:
-    """What a working folder keeps, in a line, for who is about to replace it."""
+    """Return the content of a working folder in a line, for a question before it is replaced."""
     made = time.strftime("%d %B %Y, %H:%M", time.localtime((folder / STATE).stat().st_mtime))
     try:
         quality, kind = load_solve(folder).quality, imported_from(folder) or "Solve"
@@ -167,7 +174,7 @@ def kept_words(folder: Path) -> str:
 
 
 def solved_words(scene: bpy.types.Scene, summary: str) -> str:
-    """One line of what was solved, and what was put in focus."""
+    """Return the result of a solve, and the focus, in one line."""
     settings = scene.virtual_aperture
     if not settings.marks.is_first:
         return summary
@@ -189,8 +196,10 @@ def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
 
 
 class Solves:
-    """Solves a clip, with ESC to cancel, and brings it into the scene as one step of undo: until then nothing
-    of the scene is touched."""
+    """Solve a clip, with ESC to cancel, and bring it into the scene as one undo step.
+
+    Until then the scene is not touched.
+    """
 
     bl_options = {"UNDO"}  # noqa: RUF012
 
@@ -204,7 +213,7 @@ class Solves:
     """Cameras that are known and held; None where they are to be found, too."""
 
     def solved_clip(self, settings: Any) -> tuple[Path, str]:
-        """The clip that is to be solved, and what the settings' working folder is then."""
+        """Return the clip to solve, and the settings' working folder."""
         raise NotImplementedError
 
     def _start(self, context: bpy.types.Context) -> Solving:
@@ -334,7 +343,7 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
     )
 
     _running: Solving | None = None
-    """Of the class: the solve that is under way in this Blender."""
+    """Class attribute: the present solve in this Blender."""
     _asks = False
 
     @classmethod

@@ -15,7 +15,7 @@ _items: list[tuple[str, str, str]] = []
 
 
 def are_photos(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether the scene's solve is one of photos in no order."""
+    """Return whether the scene's solve is one of unordered photos."""
     return settings.points is not None and not is_ordered(settings.points.data)
 
 

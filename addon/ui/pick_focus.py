@@ -18,8 +18,10 @@ from .pick_view import XY
 
 
 class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: N801
-    """Click what should be in focus at the current frame, in the camera view. Shift adds places, Ctrl
-    removes them"""
+    """Click what should be in focus at the current frame, in the camera view.
+
+    Shift adds places, Ctrl removes them
+    """
 
     bl_idname = "virtual_aperture.pick_focus"
     bl_label = "Pick Focus"

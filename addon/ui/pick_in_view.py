@@ -19,20 +19,20 @@ class PicksInView:
     """A mixin of modal operators that draw an overlay over the camera view meanwhile."""
 
     hint = ""
-    """What mouse and keys do, for the header of the view."""
+    """The mouse and the keys, for the header of the view."""
     cursor = "EYEDROPPER"
     _running = False
-    """Of the mixin: one is under way."""
+    """Class attribute of the mixin: only one works at a time."""
     _timer: bpy.types.Timer | None = None
     _work: Work[Any] | None = None
-    """What is being found: where depth must be found first, that takes seconds."""
+    """The present computation: depth that must be found first takes seconds."""
     _context: ClipContext
     _scene: bpy.types.Scene
     _view: CameraView
     _overlay: Overlay
 
     def overlay(self) -> Overlay:
-        """What is drawn over the view."""
+        """Return the drawing over the view."""
         raise NotImplementedError
 
     def begun(self, context: bpy.types.Context) -> None:
@@ -40,7 +40,7 @@ class PicksInView:
         raise NotImplementedError
 
     def on_event(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        """What the mouse and the keys do; a UserError ends the operator."""
+        """Handle the mouse and the keys; a UserError ends the operator."""
         raise NotImplementedError
 
     @classmethod
@@ -86,7 +86,7 @@ class PicksInView:
         self._end(context)
 
     def _say(self, text: str, keys: str | None = None) -> None:
-        """A line in the header of the view, with what keys do."""
+        """Show a line in the header of the view, with the keys."""
         shown = (text, self.hint if keys is None else keys)
         self._view.area.header_text_set("    ".join(filter(None, shown)))
         self._view.area.tag_redraw()

@@ -28,18 +28,17 @@ CLOSE = 25.0
 
 
 class PicksPlaces(PicksInView):
-    """A mixin of operators: `took` is called with each place that was found, `confirm` when Enter is
-    pressed."""
+    """A mixin of operators: `took` is called with each found place, `confirm` with Enter."""
 
     joins = False
-    """Whether a line goes from what was picked to the mouse."""
+    """True if a line connects the last pick to the mouse."""
     _seen: list[Mask]
     """(h, w) the subject that the place is on, once it is seen."""
     _shifted = False
-    """Whether Shift was held for the place that is being found."""
+    """True if Shift was held for the present place."""
     _finder: PlaceFinder | None = None
     _places: list[Place]
-    """What was picked."""
+    """The picks."""
 
     def took(self, context: bpy.types.Context, place: Place, shift: bool) -> Result:
         """A place was picked."""
@@ -63,7 +62,7 @@ class PicksPlaces(PicksInView):
         self._say("")
 
     def picked(self) -> list[Place]:
-        """What is picked to begin with."""
+        """Return the initial picks."""
         return []
 
     def on_event(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
@@ -87,7 +86,7 @@ class PicksPlaces(PicksInView):
         return {"PASS_THROUGH"}
 
     def _look(self, event: bpy.types.Event) -> None:
-        """What is under the mouse, shown beside it."""
+        """Show the place under the mouse beside it."""
         overlay, finder = self._overlay, self._current_finder()
         at = self._view.place(self._scene, event) if self._view.holds(event) else None
         glance = finder.glance(*at) if finder is not None and at is not None else None
@@ -103,7 +102,7 @@ class PicksPlaces(PicksInView):
         return length_words(self._scene.virtual_aperture, glance.distance)
 
     def _current_finder(self) -> PlaceFinder | None:
-        """The finder of the frame that is shown now; None where it has no camera of its own."""
+        """The finder of the present frame; None without a camera."""
         frame = clip_frame(self._scene)
         if self._finder is None or self._finder.frame != frame:
             try:
@@ -146,7 +145,7 @@ class PicksPlaces(PicksInView):
         return {"PASS_THROUGH"} if event.type in {"TIMER", "MOUSEMOVE"} else {"RUNNING_MODAL"}
 
     def _found(self, context: bpy.types.Context) -> Result:
-        """Take in what was found, or say why nothing was."""
+        """Handle a found place, or the reason why there is none."""
         work = self._work
         assert work is not None
         self._stop(context)

@@ -22,13 +22,13 @@ from .work import LOOK, Work
 EXAMPLE = "0.44,0.26 0.45,0.5"
 NOTHING = "There is nothing to take away from yet"
 CORNERS = 5
-"""Corners of the stroke that marks a person who was found."""
+"""Corners of the stroke that marks a found person."""
 APART = 0.004
 """Share of the picture between two corners of a stroke."""
 
 
 class LitUp:
-    """What of a subject is known in a frame."""
+    """The known pixels of a subject in a frame."""
 
     def __init__(self, carried: CarriedSubject, frame: int) -> None:
         self.carried, self.frame = carried, frame
@@ -64,8 +64,10 @@ class Shown:
 
 
 class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa: N801
-    """Draw a stroke over a moving subject, or click it. All of it lights up, and is marked in all frames.
-    Shift extends it, Ctrl takes parts away"""
+    """Draw a stroke over a moving subject, or click it.
+
+    All of it lights up, and is marked in all frames. Shift extends it, Ctrl takes parts away
+    """
 
     bl_idname = "virtual_aperture.pick_subject"
     bl_label = "Pick Subject"

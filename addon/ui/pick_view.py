@@ -1,4 +1,4 @@
-"""The camera view that a focus is picked in: places under the mouse, and what is drawn over it."""
+"""The camera view in which a focus is picked: places under the mouse, and the overlay."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from ..render.viewport import frame_in_region
 
 XY = tuple[float, float]
 SEGMENTS = 24
-"""Of a circle."""
+"""Corners of a circle."""
 RING, FEATURE, PICKED = 9.0, 4.0, 6.0
 """Radii in pixels at a resolution scale of 1: round the mouse, of features, of picked places."""
 WHITE, GREEN, SHADE = (1.0, 1.0, 1.0, 1.0), (0.25, 1.0, 0.35, 1.0), (0.0, 0.0, 0.0, 0.6)
 RED = (1.0, 0.3, 0.25, 1.0)
 TINT = (0.15, 0.75, 1.0)
-"""Linear RGB of what is lit up: it stands out from skin, leaves and asphalt."""
+"""Linear RGB of the lit subject: visible on skin, leaves and asphalt."""
 INSIDE, OUTLINE = 0.5, 1.0
 """Opacities. By eye."""
 TEXT = 13
@@ -43,8 +43,11 @@ class CameraView:
 
     @classmethod
     def of(cls, context: bpy.types.Context) -> CameraView:
-        """The viewport of a context, or the largest one of its window, made to look through the solved
-        camera; UserError where that cannot be."""
+        """Return the viewport of a context, or the largest one of its window, looking through the camera.
+
+        Raises:
+            UserError: There is none.
+        """
         areas = [area for area in context.screen.areas if area.type == "VIEW_3D"]
         if not areas:
             raise UserError("there is no 3D viewport to pick in; open one")
@@ -66,7 +69,7 @@ class CameraView:
         return cls(area, region)
 
     def is_through_camera(self) -> bool:
-        """Whether the viewport still shows the camera's picture."""
+        """Return whether the viewport still shows the camera's picture."""
         return bool(self.area.spaces.active.region_3d.view_perspective == "CAMERA")
 
     def holds(self, event: bpy.types.Event) -> bool:
@@ -117,20 +120,20 @@ _overlays: list[Overlay] = []
 
 
 def is_picked_in(area: bpy.types.Area) -> bool:
-    """Whether a place is being picked in a viewport."""
+    """Return whether a place is being picked in a viewport."""
     return any(each.view.area == area and each.shows_points for each in _overlays)
 
 
 @dataclass
 class Overlay:
-    """What is drawn over the view while a place or a subject is picked."""
+    """The drawing over the view while a place or a subject is picked."""
 
     view: CameraView
     scene: bpy.types.Scene
     mouse: XY | None = None
     """Fractions of the picture."""
     text: str = ""
-    """What stands beside the mouse."""
+    """Text beside the mouse."""
     features: Sequence[Sequence[float]] = ()
     """Fractions of the picture of features that the distance comes from."""
     picked: Sequence[XY] = field(default_factory=list)
@@ -140,11 +143,11 @@ class Overlay:
     line: Sequence[XY] = ()
     """Fractions of the picture: the stroke that is being drawn."""
     takes: bool = False
-    """Whether that one takes away."""
+    """True if the stroke removes pixels."""
     shows_points: bool = True
-    """Whether the point cloud is seen with it."""
+    """True if the point cloud is visible, too."""
     joins: bool = False
-    """Whether a line goes from the last picked place to the mouse."""
+    """True if a line connects the last picked place to the mouse."""
     mask: Mask | None = None
     """(h, w) over the source frame: a subject that is lit up."""
     _texture: Any = None

@@ -21,17 +21,17 @@ from .pick_view import is_picked_in
 SIZE, RIM_SIZE = 4.0, 6.0
 """Pixels across, at a resolution scale of 1: no less than the points that Blender draws without colours."""
 SMALL, SMALL_RIM = 2.5, 4.5
-"""The same while focus is picked, where Blender draws none: by eye, the picture is still seen."""
+"""The same during a pick, where Blender draws none: the picture stays visible. Chosen by inspection."""
 PICKED_SIZE, PICKED_RIM_SIZE = 9.0, 12.0
 PICKED_COLOUR, RIM_COLOUR = (0.25, 1.0, 0.35, 1.0), (0.0, 0.0, 0.0, 1.0)
 
 NEARER = 1e-4
-"""Of the depth range, towards the viewer: Blender draws its own points as much nearer than they are."""
+"""Share of the depth range by which points are drawn nearer to the viewer, as Blender draws its own."""
 
 Colours = NDArray[np.float32]
 
 _batches: tuple[Any, Any, Any] | None = None
-"""What is drawn was made from, batch of all points, batch of the picked ones or None."""
+"""The source of the drawing, the batch of all points, and that of the picked ones or None."""
 
 
 def places_and_colours(mesh: bpy.types.Mesh) -> tuple[NDArray[np.float32], Colours]:
@@ -55,7 +55,7 @@ def picked_vertices(mesh: bpy.types.Mesh, points: tuple[int, ...]) -> NDArray[np
 
 
 def is_shown(context: bpy.types.Context) -> bool:
-    """Whether the point cloud is to be drawn in this viewport."""
+    """Return whether the point cloud is drawn in this viewport."""
     points, space = context.scene.virtual_aperture.points, context.space_data
     if points is None or points.type != "MESH" or not space.overlay.show_overlays:
         return False
@@ -70,7 +70,7 @@ def draw() -> None:
     global _batches
     context = bpy.context
     if not is_shown(context):
-        # What is edited changes without a trace: drawn anew afterwards.
+        # Edits of the mesh are not reported: it is drawn anew afterwards.
         _batches = None
         return
     import gpu

@@ -99,7 +99,11 @@ class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
 
 
 def depth_folder(settings: bpy.types.PropertyGroup) -> Path:
-    """Where the depth of the chosen clip is kept; UserError where none is chosen."""
+    """Return the folder of the chosen clip's depth.
+
+    Raises:
+        UserError: No clip is chosen.
+    """
     return work_dir(settings, footage_path(settings)) / KEPT_DEPTH
 
 

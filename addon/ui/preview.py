@@ -34,7 +34,7 @@ class VIRTUAL_APERTURE_OT_preview(bpy.types.Operator):  # noqa: N801
         if is_shown(context):
             space.shading.type = "SOLID"
             return {"FINISHED"}
-        # What could not be shown before is tried again.
+        # Pictures that failed before are tried again.
         PREVIEW.forget()
         context.scene.render.engine = VirtualApertureEngine.bl_idname
         context.scene.camera = context.scene.virtual_aperture.camera
@@ -52,7 +52,7 @@ def viewport_of(context: bpy.types.Context) -> Any:
 
 
 def is_shown(context: bpy.types.Context) -> bool:
-    """Whether the viewport of a context shows the frame through the lens."""
+    """Return whether the viewport of a context shows the frame through the lens."""
     space = viewport_of(context)
     return (
         space is not None

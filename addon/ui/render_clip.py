@@ -70,7 +70,7 @@ class VIRTUAL_APERTURE_OT_use_clip_size(bpy.types.Operator):  # noqa: N801
 
 
 class _Render:
-    """What the two render operators share."""
+    """Common code of the two render operators."""
 
     animation = False
 

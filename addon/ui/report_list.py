@@ -1,4 +1,4 @@
-"""The list of what the last render said of its frames, with a jump to them."""
+"""The list of the last render's notes on frames, with a jump to them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def next_of(frames: Sequence[int], now: int) -> int:
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """What was said of which frames, each with a button that goes to the next of them."""
+    """Draw the notes with their frames, each with a button to the next of them."""
     notes = frame_notes.of(context.scene)
     if not notes:
         return

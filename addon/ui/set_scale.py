@@ -84,7 +84,7 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
             return {"RUNNING_MODAL"}
         length = length_between(self._context, self._places)
         self._end(context)
-        # The question is an operator of its own: this one has ended, and changed nothing.
+        # Another operator asks for the length: this one has ended, and changed nothing.
         bpy.ops.virtual_aperture.set_scale("INVOKE_DEFAULT", length=length)
         return {"CANCELLED"}
 

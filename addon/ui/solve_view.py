@@ -17,17 +17,16 @@ from .operators import running_solve
 from .pick_view import GREEN
 
 SHARE = 0.9
-"""Of the free part of a viewport, that the picture takes."""
+"""Share of the free part of a viewport that the picture covers."""
 SIZE = 3.0
 """Pixels across of a feature, at a resolution scale of 1."""
 
 _shown: tuple[Sight, Any] | None = None
-"""What is shown, and the texture of its picture."""
+"""The shown sight, and the texture of its picture."""
 
 
 def place(free: Rectangle, width: int, height: int) -> Rectangle:
-    """Left, bottom, right, top of a picture (width, height) in the middle of what is free, as large as it
-    takes."""
+    """Return left, bottom, right, top of a picture (width, height) in the middle of a free rectangle."""
     left, bottom, right, top = free
     scale = SHARE * min((right - left) / width, (top - bottom) / height)
     x, y = (left + right) / 2, (bottom + top) / 2
@@ -48,13 +47,13 @@ def draw() -> None:
         _shown = sight, upload(encoded.astype(np.float32))
     context = bpy.context
     scale = context.preferences.system.ui_scale
-    # What is in the scene is of another clip, or of no use now.
+    # The scene holds another clip, or an old solve.
     fill((0.0, 0.0, float(context.region.width), float(context.region.height)))
     height, width = sight.picture.shape[:2]
     where = place(message.free_part(context.area, context.region), width, height)
     draw_texture(_shown[1], where)
     _draw_features(sight, where, SIZE * scale)
-    # How far it is says the panel: to draw all this for it again would cost the solve.
+    # The panel shows the progress: drawing all this for it would take time from the solve.
     message.draw(f"{running.step.stage} (ESC cancels)", context.area, context.region, scale)
 
 

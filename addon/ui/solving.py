@@ -10,8 +10,11 @@ from .work import Work
 
 
 class Solving:
-    """A solve from its first moment on: the clip is opened and its frames counted, which takes seconds, in
-    a thread, so that the interface goes on meanwhile and ESC ends it."""
+    """A solve from its first moment on.
+
+    The clip is opened and its frames counted, which takes seconds, in a thread, so that the interface stays
+    alive and ESC works.
+    """
 
     def __init__(self, begin: Callable[[], SolveProcess], clip: str = "") -> None:
         """`begin` makes the process; it must not touch Blender's data. `clip` is its name, to be shown."""
@@ -24,12 +27,12 @@ class Solving:
 
     @property
     def finished(self) -> bool:
-        """Whether the folder holds the solve."""
+        """Return whether the folder holds the solve."""
         return self.process is not None and self.process.finished
 
     @property
     def sight(self) -> Sight | None:
-        """What the tracker saw last; None before it has begun."""
+        """The last picture of the tracker; None before it has begun."""
         return self.process.sight if self.process is not None else None
 
     def poll(self) -> list[SolveProgress]:

@@ -63,7 +63,7 @@ class WorksOnActive(OfActive, WorksMeanwhile):
         return self.work_on(shot_of(context.scene).context)
 
     def work_on(self, clip: ClipContext) -> Callable[[], Any]:
-        """What is to be computed of the subject."""
+        """Return the computation of the subject."""
         raise NotImplementedError
 
 
@@ -111,8 +111,10 @@ class VIRTUAL_APERTURE_OT_carry_subject(WorksOnActive, bpy.types.Operator):  # n
 
 
 def unsure_frames(clip: ClipContext, name: str) -> list[int]:
-    """Carry a subject through all frames; those in which another stroke would help. Errors as of
-    `ClipContext.subject`."""
+    """Carry a subject through all frames; those in which another stroke would help.
+
+    Errors as of `ClipContext.subject`.
+    """
     carried = clip.carried(next(each for each in clip.marked if each.name == name))
     frames = [int(frame) for frame in clip.reconstruction.frames]
     found = []

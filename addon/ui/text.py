@@ -18,8 +18,10 @@ def wrapped(
     alert: bool = False,
     beside: float = 0.0,
 ) -> None:
-    """A text as labels as wide as the panel, the icon before the first; less so many pixels, at a resolution
-    scale of 1, that something `beside` it takes."""
+    """Draw a text as labels as wide as the panel, the icon before the first.
+
+    `beside` is the width of something at its side, in pixels at a resolution scale of 1.
+    """
     column = layout.column(align=True)
     column.alert = alert
     column.scale_y = 0.8
@@ -37,7 +39,7 @@ def width_of(context: bpy.types.Context) -> float:
 
 
 def left_words(seconds: float | None) -> str:
-    """How long work will still take; an empty string while nobody can say."""
+    """Return the remaining time of work in words; empty while it is unknown."""
     if seconds is None:
         return ""
     if seconds < 90:

@@ -20,7 +20,7 @@ from ..scene.shot import shot_of
 SIDE = 64
 """Pixels of a thumbnail."""
 PART = 0.12
-"""Of the picture's width, that it shows. By eye."""
+"""Share of the picture's width in a thumbnail. Chosen by inspection."""
 SOON = 0.05
 """Seconds until the thumbnails that panels want are cut out: not while they are drawn."""
 
@@ -40,8 +40,7 @@ def icon(settings: bpy.types.PropertyGroup, mark: bpy.types.PropertyGroup) -> in
 
 
 def texture(settings: bpy.types.PropertyGroup, mark: bpy.types.PropertyGroup) -> Any:
-    """The same as a texture of display values, as overlays of a viewport are drawn, top row first; None
-    likewise."""
+    """Return the thumbnail as a texture of display values, top row first; None without one."""
     key = _cut(settings, mark)
     if key not in _pictures:
         return None

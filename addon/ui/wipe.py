@@ -36,8 +36,10 @@ class VIRTUAL_APERTURE_GT_wipe(bpy.types.Gizmo):  # noqa: N801
         line(ring((x, middle), radius), colour, 1.5 * scale)
 
     def test_select(self, context: bpy.types.Context, location: XY) -> int:
-        """0 where the mouse, in the region's pixels, is on the line; where nothing is compared yet, on its
-        handle. Else -1."""
+        """Return 0 if the mouse, in the region's pixels, is on the line or its handle, else -1.
+
+        Only the handle counts while nothing is compared.
+        """
         found = _line(context)
         if found is None:
             return -1
@@ -82,8 +84,10 @@ class VIRTUAL_APERTURE_GGT_wipe(bpy.types.GizmoGroup):  # noqa: N801
 
 
 def _line(context: bpy.types.Context) -> tuple[float, float, float] | None:
-    """x of the line, and the bottom and top of it in a viewport's region, in pixels; None where the camera's
-    frame is not seen."""
+    """Position x of the line, and its bottom and top in a viewport's region, in pixels.
+
+    None if the camera's frame is not visible.
+    """
     frame = camera_frame(context, context.scene)
     if frame is None:
         return None

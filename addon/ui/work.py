@@ -20,8 +20,10 @@ class Work[T]:
     def __init__(
         self, function: Callable[[], T], after: Work[Any] | None = None, pauses_preview: bool = True
     ) -> None:
-        """It begins once the work `after` has ended. Only what shares nothing with the preview may leave that
-        running."""
+        """It begins once the work `after` has ended.
+
+        Only what shares nothing with the preview may leave that running.
+        """
         self._pauses_preview = pauses_preview
         self.stage = ""
         self.error: BaseException | None = None
@@ -36,7 +38,7 @@ class Work[T]:
         return not self._thread.is_alive()
 
     def result(self) -> T:
-        """What the function returned, once it has ended; raises what it raised."""
+        """Return the function's result after its end, or raise its error."""
         if self.error is not None:
             raise self.error
         return self._value[0]
@@ -54,7 +56,7 @@ class Work[T]:
             with paused, reporting(self._on_progress):
                 self._on_progress("", 0.0)
                 self._value.append(function())
-        except BaseException as error:  # told where it is waited for
+        except BaseException as error:  # The error is reported by the waiting operator.
             self.error = error
 
     def _on_progress(self, stage: str, share: float) -> None:

@@ -14,22 +14,24 @@ from .work import LOOK, Work
 
 
 class WorksMeanwhile:
-    """An operator that computes something in a thread, with its progress in the status bar and ESC to cancel,
-    and then brings it into the scene in one step of undo: until then nothing of the scene is touched."""
+    """An operator with a computation in a thread, progress in the status bar and ESC to cancel.
+
+    The result is brought into the scene in one undo step; until then the scene is not touched.
+    """
 
     doing = ""
-    """What it does, for the status bar."""
+    """Words for the status bar."""
     _timer: bpy.types.Timer | None = None
     _work: Work[Any] | None = None
     _under_way = False
-    """Of the mixin: there are not two at once."""
+    """Class attribute of the mixin: only one works at a time."""
 
     def work(self, context: bpy.types.Context) -> Callable[[], Any]:
-        """What is to be computed; UserError where that cannot be."""
+        """Return the computation; UserError if there is none."""
         raise NotImplementedError
 
     def finish(self, scene: bpy.types.Scene, found: Any) -> str:
-        """Bring it into the scene; what was done, in a line. UserError where that cannot be."""
+        """Bring the result into the scene; returns a line about it, or raises UserError."""
         raise NotImplementedError
 
     @reported

@@ -143,7 +143,7 @@ class Canvas:
 
 @dataclass(frozen=True)
 class _Reach:
-    """What a lens with a global shutter sees of the world, up to the border of its picture."""
+    """The field of view of a lens with a global shutter."""
 
     border: Floats
     """(n, 2) pinhole pixels of places along the picture's border."""
@@ -154,12 +154,12 @@ class _Reach:
 
     @cached_property
     def folds(self) -> bool:
-        """Whether the lens maps two rays to one place. It does not as long as it mirrors nothing."""
+        """Return whether the lens maps two rays to one place; it does not while it mirrors nothing."""
         with np.errstate(over="ignore", invalid="ignore"):
             return not bool(np.all(np.linalg.det(self.jacobian) > 0))
 
     def folds_of(self, camera: Intrinsics) -> bool:
-        """Whether this lens folds the picture with the rolling shutter of `camera`.
+        """Return whether this lens folds the picture with the rolling shutter of a camera.
 
         The shutter folds where the picture moves along the reading direction as fast as it is read: a ray is
         then read twice, or never. Where it moves as fast against it, `RollingShutter.distort` does not

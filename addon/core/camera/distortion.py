@@ -62,7 +62,7 @@ SETTLED = 1e-10
 
 
 def term_names(model: str) -> tuple[str, ...]:
-    """What a model's distortion terms are called, in COLMAP's order."""
+    """Return the names of a model's distortion terms, in COLMAP's order."""
     return tuple(name for name in PARAMETERS[model] if name not in PLACES)
 
 
@@ -179,13 +179,13 @@ class Brown:
     """
 
     radial: tuple[float, ...]
-    """Of r^2, r^4, ... above the fraction line of the radial factor, after its 1."""
+    """Coefficients of r^2, r^4, ... above the fraction line of the radial factor, after its 1."""
     tangential: tuple[float, float] = (0.0, 0.0)
     """p1 and p2."""
     below: tuple[float, ...] = ()
-    """Of r^2, r^4, ... below the fraction line."""
+    """Coefficients of r^2, r^4, ... below the fraction line."""
     prism: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    """Of r^2 and r^4 towards x, then towards y."""
+    """Coefficients of r^2 and r^4 towards x, then towards y."""
 
     def distort(self, rays: Floats) -> Floats:
         x, y = rays[..., 0], rays[..., 1]
@@ -216,8 +216,10 @@ class Brown:
         return np.stack(rows, axis=-2)
 
     def undistort(self, rays: Floats) -> Floats:
-        """Rays (..., 2) by Newton's method, to about 1e-12; NaN where it does not converge: past a fold no
-        ray is seen."""
+        """Return undistorted rays (..., 2) by Newton's method, to about 1e-12.
+
+        They are NaN where it does not converge: no ray is seen past a fold.
+        """
         guess = np.array(rays, dtype=np.float64)
         for _ in range(20):
             residual = rays - self.distort(guess)
@@ -251,7 +253,7 @@ class RollingShutter:
     """
 
     lens: tuple[Stage, ...]
-    """What the lens does to rays."""
+    """Distortion of rays by the lens."""
     turn: tuple[float, float, float]
     """Rotation vector from a frame to the next in camera axes, in radians."""
     rate: tuple[float, float]
@@ -292,8 +294,7 @@ class RollingShutter:
         return np.asarray(np.linalg.solve(held, by_ahead @ columns))
 
     def undistort(self, rays: Floats) -> Floats:
-        """Rays (..., 2) that `distort` moves to rays (..., 2), whose time is known; NaN where there are
-        none."""
+        """Return the rays (..., 2) that `distort` moves to given rays at known times; NaN without one."""
         when = self._when(rays)
         for stage in reversed(self.lens):
             rays = stage.undistort(rays)
@@ -313,8 +314,13 @@ class RollingShutter:
 
 
 def turned(points: Floats, turn: Sequence[float] | Floats, when: Floats) -> Floats:
-    """Points (..., 3) in the axes of a camera that has turned for times `when` (...), where `turn` (..., 3)
-    is the rotation vector of a time of one, in radians."""
+    """Return points (..., 3) in the axes of a camera that turns.
+
+    Args:
+        points: (..., 3).
+        turn: (..., 3) rotation vector in radians for a time of one.
+        when: (...) times.
+    """
     return np.moveaxis(_Turning.of(np.moveaxis(points, -1, 0), turn).at(when), 0, -1).copy()
 
 
@@ -336,7 +342,7 @@ class _Turning:
 
     @classmethod
     def of(cls, points: Floats, turn: Sequence[float] | Floats) -> _Turning:
-        """Of points (3, ...) and a rotation vector (..., 3) in radians of a time of one."""
+        """Prepare turning points (3, ...), by a rotation vector (..., 3) in radians for a time of one."""
         angle = np.linalg.norm(turn, axis=-1, keepdims=True)
         a, b, c = axis = np.moveaxis(turn / np.where(angle > 0, angle, 1.0), -1, 0)
         x, y, z = points
@@ -345,7 +351,7 @@ class _Turning:
         return cls(points, across, np.stack([along * one for one in axis]), angle[..., 0])
 
     def among(self, which: Indices) -> _Turning:
-        """Of some of the points (3, n), with the same turn for all."""
+        """Return some of the points (3, n), with the same turn for all."""
         if len(which) == self.points.shape[1]:
             return self
         return _Turning(self.points[:, which], self.across[:, which], self.along[:, which], self.angle)
@@ -386,7 +392,7 @@ def stages(model: str, terms: Sequence[float]) -> tuple[Stage, ...]:
 
 
 def impossible(model: str, terms: Sequence[float]) -> str | None:
-    """What the terms of a family would have to be, where no lens has such ones."""
+    """Return the requirement on a family's terms that no lens can miss; None if it is met."""
     if not np.all(np.isfinite(terms)):
         return "finite distortion terms"
     if model == "FOV" and not abs(terms[0]) < np.pi:

@@ -1,4 +1,4 @@
-"""Focal lengths in pixels from what is written on lenses and in data sheets."""
+"""Focal lengths in pixels from the figures on lenses and in data sheets."""
 
 from __future__ import annotations
 
@@ -15,11 +15,15 @@ PLAUSIBLE = (5.0, 4000.0)
 zooms of cameras have 3000; a clip of three walls is solved at 3900, at 8100 OpenCV's pose solver fails."""
 
 Focal = float | Callable[[int, int], float]
-"""A focal length in pixels, or what tells it from a clip's width and height."""
+"""A focal length in pixels, or a function of a clip's width and height."""
 
 
 def in_pixels(focal: Focal, width: int, height: int) -> float:
-    """Of a clip of this size; UserError unless a lens can have it."""
+    """Return a focal length in pixels for a clip of this size.
+
+    Raises:
+        UserError: No lens has it.
+    """
     pixels = _positive("focal length", focal(width, height) if callable(focal) else focal, "pixels")
     if not is_plausible(pixels, width, height):
         equivalent = pixels / math.hypot(width, height) * DIAGONAL_35
@@ -46,7 +50,7 @@ def from_equivalent(millimetres: float, width: int, height: int) -> float:
 
 
 def is_plausible(focal: float, width: int, height: int) -> bool:
-    """Whether a lens can have such a field of view: a focal length in pixels of a picture of this size."""
+    """Return whether a focal length in pixels gives a realistic field of view at this size."""
     return PLAUSIBLE[0] < focal / math.hypot(width, height) * DIAGONAL_35 < PLAUSIBLE[1]
 
 

@@ -1,4 +1,4 @@
-"""What a lens makes of a camera's space: focal lengths, principal point and distortion, in COLMAP's models.
+"""Intrinsic parameters of a camera: focal lengths, principal point and distortion, in COLMAP's models.
 
 Camera axes are x right, y down, z forward; the centre of the first pixel is at (0.5, 0.5). All geometry is
 float64.
@@ -22,7 +22,7 @@ MAX_SIDE = 1_000_000
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """A pinhole and what its lens does to the picture; without distortion terms a plain pinhole."""
+    """A pinhole with the distortion of its lens; without distortion terms a plain pinhole."""
 
     width: int
     """Pixels across the picture."""
@@ -128,7 +128,7 @@ class Intrinsics:
 
     @property
     def is_distorted(self) -> bool:
-        """Whether the camera is more than a pinhole that takes its picture at once."""
+        """Return whether the camera differs from a pinhole with a global shutter."""
         return bool(self._stages)
 
     @property

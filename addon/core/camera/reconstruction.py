@@ -1,7 +1,7 @@
-"""Cameras, poses and 3D feature points: what structure from motion knows about a clip.
+"""Cameras, poses and 3D feature points of a clip from structure from motion.
 
-Conventions are COLMAP's: world-to-camera poses, camera axes x right, y down, z forward, the centre
-of the first pixel at (0.5, 0.5). All geometry is float64.
+Conventions are COLMAP's: world-to-camera poses, camera axes x right, y down, z forward, the centre of the
+first pixel at (0.5, 0.5). All geometry is float64.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .intrinsics import Intrinsics as Intrinsics
 MEDIAN_DEPTH = 10.0
 """Median distance between cameras and points after `normalise`, in scene units."""
 STAYS = 1e-7
-"""Share of the points' distance within which cameras are in one place: what is lost by writing them."""
+"""Share of the points' distance within which cameras are in one place: the precision of files."""
 NEAREST = 1e-6
 """Share of a frame's median depth nearer than which a point is an error: it would outweigh all the others.
 Chosen by inspection."""
@@ -55,7 +55,7 @@ class Image:
         return -self.rotation.T @ self.translation
 
     def to_camera(self, world: Floats) -> Floats:
-        """World points (..., 3) -> camera space (..., 3); z is the depth. What is not finite stays so."""
+        """Return world points (..., 3) in camera space (..., 3), with z as depth; other values stay NaN."""
         with np.errstate(invalid="ignore", over="ignore"):
             return np.asarray(world @ self.rotation.T + self.translation)
 
@@ -77,18 +77,18 @@ class Points:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """What structure from motion found. `images` is ordered by frame number.
+    """The result of structure from motion; `images` are in the order of frame numbers.
 
-    Its unit of length is that of the model it was read from, such as metres; of a solve of our own it is
-    what `normalise` makes it. Focus distances and aperture radii are in the same unit everywhere.
+    The unit of length is that of the model it was read from, such as metres; for our own solves it is that of
+    `normalise`. Focus distances and aperture radii are in the same unit everywhere.
     """
 
     cameras: tuple[Intrinsics, ...]
     images: tuple[Image, ...]
     points: Points
     is_ordered: bool = True
-    """Whether frames that follow each other were taken one after the other, as those of a clip: photos were
-    not, and what is near to one is told by their cameras alone."""
+    """True if frames follow each other in time, as those of a clip. Photos do not; their neighbours follow
+    from the cameras alone."""
     readout: tuple[float, float] = (0.0, 0.0)
     """Time in which a rolling shutter reads a picture's width and its height, of the time from a frame to the
     next; positive where what is farther right or down is read later. Poses are those at the time when the
@@ -101,8 +101,10 @@ class Reconstruction:
 
     @cached_property
     def stays(self) -> bool:
-        """Whether all cameras stand in one place, so that pictures tell no depth; not of poses that are not
-        finite, which are refused where they are used."""
+        """Return whether all cameras stand in one place, so that pictures have no parallax.
+
+        False for poses that are not finite, which are refused where they are used.
+        """
         if len(self.images) < 2:
             return False
         with np.errstate(invalid="ignore"):
@@ -169,8 +171,10 @@ class Reconstruction:
         return {}
 
     def turn_at(self, frame: int) -> Floats:
-        """(3,) rotation vector in radians from a frame to the next, in the frame's camera axes: of registered
-        frames by the poses of those around, of others between theirs."""
+        """Return the rotation vector (3,) in radians from a frame to the next, in the frame's camera axes.
+
+        It is interpolated from the poses of registered frames.
+        """
         frames, turns = self._turns
         return np.array([np.interp(frame, frames, axis) for axis in turns.T])
 
@@ -240,9 +244,14 @@ def outermost_angles(rays: Floats, point: Ints, count: int) -> Floats:
 
 
 def turning_speeds(rotation: Floats, frames: Ints) -> Floats:
-    """(F, 3) rotation vectors from a frame to the next, in camera axes, of world-to-camera rotations (F, 3,
-    3) of frames with numbers (F,): half of those from the one before to the one after, at the ends those of
-    one step."""
+    """Return rotation vectors (F, 3) from a frame to the next, in camera axes.
+
+    They are half of those from the frame before to the frame after, and at the ends those of one step.
+
+    Args:
+        rotation: (F, 3, 3) world-to-camera.
+        frames: (F,) numbers.
+    """
     each = np.arange(len(frames))
     before, after = np.maximum(each - 1, 0), np.minimum(each + 1, len(each) - 1)
     gap = np.maximum(frames[after] - frames[before], 1)
@@ -324,7 +333,7 @@ def typical_distance(reconstruction: Reconstruction) -> float:
 
 
 def normalise(reconstruction: Reconstruction) -> Reconstruction:
-    """Recentre, turn upright and rescale: a solve from pictures alone has no unit of its own.
+    """Recentre, turn upright and rescale a solve, which has no unit.
 
     As `upright`, and the median distance of the points becomes `MEDIAN_DEPTH`.
     """
@@ -332,20 +341,24 @@ def normalise(reconstruction: Reconstruction) -> Reconstruction:
 
 
 def upright(reconstruction: Reconstruction) -> Reconstruction:
-    """Recentre and turn upright, lengths as they are: float32, as Blender's objects are, holds any unit, but
-    no scene far from the origin.
+    """Recentre and turn upright, with unchanged lengths.
 
-    The mean camera centre becomes the origin, the mean camera up direction +z, and the mean viewing
-    direction points to +y. Points that are not finite stay so; UserError where a camera is not, or nothing
-    gives a scale.
+    Blender's float32 holds any unit, but no scene far from the origin. The mean camera centre becomes the
+    origin, the mean camera up direction +z, and the mean viewing direction points to +y. Points that are not
+    finite stay so.
+
+    Raises:
+        UserError: A camera is not finite, or the scale is undetermined.
     """
     typical_distance(reconstruction)
     return _moved(reconstruction, 1.0)
 
 
 def level_axes(images: Sequence[Image]) -> Floats:
-    """Return unit vectors (3, 3) to the right of cameras, forward and up, along world axes, by the mean up
-    direction and the mean viewing direction."""
+    """Return the unit vectors (3, 3) to the right of cameras, forward and up, along world axes.
+
+    They follow from the mean up direction and the mean viewing direction.
+    """
     up = -np.mean([image.rotation[1] for image in images], axis=0)
     forward = np.mean([image.rotation[2] for image in images], axis=0)
     # A clip that turns all the way round has no mean direction; then the first camera gives it.
@@ -375,9 +388,9 @@ def _moved(reconstruction: Reconstruction, scale: float) -> Reconstruction:
 
 
 def seen_by(image: Image, reconstruction: Reconstruction, points: Ints) -> tuple[Floats, NDArray[np.bool_]]:
-    """Points (k,) in a camera's space (k, 3), and which of them (k,) are finite and ahead of the camera.
+    """Return points in a camera's space (k, 3), and which of them (k,) are finite and ahead of the camera.
 
-    Ahead is farther than `NEAREST` of the median depth of what the frame sees, in any units.
+    Ahead is farther than `NEAREST` times the median depth of the frame's points, in any units.
     """
     local = image.to_camera(reconstruction.points.xyz[points])
     # The smallest normal number is the last whose inverse is one.

@@ -1,9 +1,9 @@
-"""A steadier path for the camera of a clip: smoothed turns and positions, and how far the picture is cropped.
+"""A steadier path for the camera of a clip: smoothed turns and positions, and the crop that it needs.
 
 Re-cinematography (Gleicher and Liu, 2008): views of the rebuilt scene are synthesized from the steadier
-camera, so a shake of the hand goes, its parallax with it. Positions and quaternions are smoothed by
-Whittaker's method, which takes the least sum of squared distances to the path and of squared accelerations;
-so a path that a dolly could have gone on stays as it is. Smoothing is limited by what the clip shows.
+camera, which removes a shake of the hand with its parallax. Positions and quaternions are smoothed by
+Whittaker's method, with the least sum of squared distances to the path and of squared accelerations; a
+dolly's path stays unchanged. Smoothing is limited by the pixels that the clip shows.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ MOST_ZOOM = 1.25
 """By which the picture is enlarged at most, so that its border stays outside: editors crop as much. Chosen by
 inspection."""
 MOST_PARALLAX = 0.03
-"""Of the picture's width, by which near and far things are seen apart from where the clip has them: what
-shows behind them then, frames around have mostly seen. Chosen by inspection."""
+"""Change of the parallax between near and far things, as a share of the picture's width: the background it
+uncovers was mostly seen by frames around. Chosen by inspection."""
 FILLED = 0.08
-"""Of the picture's width, how far past the border a steadier camera sees at most where that is filled: other
-frames' depth is brought in for a tenth (`map_fusion.BEYOND`), and blur discs reach into it, too."""
+"""Share of the picture's width past the border that a filled view may show: other frames' depth reaches a
+tenth (`map_fusion.BEYOND`), and blur discs need a part of it."""
 TRIES = 12
 """Bisections, by which strengths and zooms are found to a thousandth."""
 ALONG = 9
@@ -64,27 +64,37 @@ class SteadyPath:
     """By which its focal length is longer than the clip's, so that it sees nothing past the clip's border, or
     no more than can be filled."""
     strength: float
-    """In [0, 1], by which it was smoothed: less than what was wished, where the clip does not show enough."""
+    """Strength of the smoothing in [0, 1]: less than the wished one where the clip does not show enough."""
 
     def seen_from(self, image: Image) -> tuple[Floats, Floats]:
-        """(3, 3) rotation and (3,) translation, in scene units, from the camera space of a frame into that of
-        the steadier camera; of frames beyond the path, those of its end."""
+        """Return rotation (3, 3) and translation (3,) from a frame's camera space into the steadier one.
+
+        Translation is in scene units. Frames beyond the path have those of its end.
+        """
         at = int(np.clip(image.frame - self.frames[0], 0, len(self.frames) - 1))
         return _between(image.rotation, image.centre, self.rotations[at], self.centres[at])
 
 
 def _between(rotation: Floats, centre: Floats, steady: Floats, there: Floats) -> tuple[Floats, Floats]:
-    """Rotations (..., 3, 3) and translations (..., 3) from camera spaces into steadier ones, by both cameras'
-    world-to-camera rotations (..., 3, 3) and centres (..., 3)."""
+    """Rotations (..., 3, 3) and translations (..., 3) from camera spaces into steadier ones.
+
+    They follow from both cameras' world-to-camera rotations (..., 3, 3) and centres (..., 3).
+    """
     return steady @ np.swapaxes(rotation, -1, -2), np.einsum("...ij,...j->...i", steady, centre - there)
 
 
 def steady_path(reconstruction: Reconstruction, strength: float, fills: bool = False) -> SteadyPath:
-    """The path of a clip smoothed by a strength in (0, 1], at most as far as the clip shows.
+    """Smooth the path of a clip.
 
-    What it would see past the border of the clip's frames is cropped, or where it `fills`, left to what other
-    frames have seen there, as far as `FILLED`. At 1 the camera moves on a line at a constant speed, or
-    stands, and turns so. UserError for photos, fewer than three frames, and poses that are not finite.
+    At strength 1 the camera moves on a line at a constant speed, or stands, and turns evenly.
+
+    Args:
+        reconstruction: Solve of the clip.
+        strength: In (0, 1], reduced to the limit of visible pixels.
+        fills: True if other frames fill the border up to `FILLED`; else it is cropped.
+
+    Raises:
+        UserError: Photos, fewer than three frames, or poses that are not finite.
     """
     if not reconstruction.is_ordered:
         raise UserError("photos have no camera path that could be stabilized; turn Stabilize off")
@@ -102,7 +112,7 @@ def steady_path(reconstruction: Reconstruction, strength: float, fills: bool = F
 
 
 class _Path:
-    """The path of a clip, and what its frames show."""
+    """The path of a clip, and the fields of view of its frames."""
 
     def __init__(self, reconstruction: Reconstruction, beyond: float) -> None:
         self._rec, self._beyond = reconstruction, beyond
@@ -138,8 +148,10 @@ class _Path:
         return SteadyPath(self.frames, rotations, centres, float(zoom), strength)
 
     def _zoom(self, number: int, turn: Floats, move: Floats) -> float:
-        """Least zoom at which a clip's camera shows all that its steadier path sees; infinite where that is
-        too much, or near and far things come too far apart."""
+        """Least zoom at which a frame covers the view of its steadier path.
+
+        It is infinite if that is too much, or if near and far things move apart too far.
+        """
         camera, own = self._rec.cameras[number], self._camera == number
         spread = self._levels[own, -1] - self._levels[own, 0]
         apart = camera.fx * np.linalg.norm(move[own, :2], axis=1) * spread
@@ -178,7 +190,7 @@ class _Steady:
     """Pixels past the border that count as shown."""
 
     def is_shown(self, camera: Intrinsics, zoom: float) -> bool:
-        """Whether the frames of a camera show the whole border of what these see with a zoom."""
+        """Return whether the frames of a camera cover the whole border of the zoomed view."""
         size = np.array([camera.width, camera.height])
         along = np.linspace(0, 1, ALONG)
         sides = [np.column_stack([along, np.full(ALONG, end)]) for end in (0.0, 1.0)]
@@ -210,10 +222,10 @@ def _on_a_line(values: Floats) -> Floats:
 
 
 def _whittaker(values: Floats, weight: float) -> Floats:
-    """(n, k) smooth values z of least |z - values|^2 + weight |second differences of z|^2; Whittaker, "On a
-    new method of graduation", 1923.
+    """(n, k) smooth values z of least |z - values|^2 + weight |second differences of z|^2.
 
-    The normal equations have five diagonals, and are solved by L D L^T (Eilers, "A perfect smoother", 2003).
+    Whittaker, "On a new method of graduation", 1923. The normal equations have five diagonals, and are solved
+    by L D L^T (Eilers, "A perfect smoother", 2003).
     """
     count = len(values)
     second = np.array([1.0, -2.0, 1.0])
@@ -240,6 +252,8 @@ def _whittaker(values: Floats, weight: float) -> Floats:
 
 
 def zoomed(camera: Intrinsics, zoom: float) -> Intrinsics:
-    """A camera with a longer focal length that takes its picture at once, its lens's distortion and principal
-    point as they are."""
+    """Return a camera with a longer focal length and a global shutter.
+
+    Distortion and principal point of its lens are unchanged.
+    """
     return replace(camera.read_at_once(), fx=camera.fx * zoom, fy=camera.fy * zoom)

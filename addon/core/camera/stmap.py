@@ -1,7 +1,7 @@
-"""STMaps: pictures whose pixels say where another picture is to be sampled, as compositing programs have it.
+"""STMaps: pictures with the places where another picture is sampled, for compositing programs.
 
-Red is u, from 0 at the left edge of that picture to 1 at its right edge; green is v, from 0 at its bottom
-edge to 1 at its top edge. The centre of the first of w pixels is at 0.5 / w. Blue is 0.
+Red is u, from 0 at the left edge of the other picture to 1 at its right edge; green is v, from 0 at its
+bottom edge to 1 at its top edge. The centre of the first of w pixels is at 0.5 / w. Blue is 0.
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ from .canvas import Canvas
 
 
 def undistort_map(canvas: Canvas) -> Map:
-    """(h, w, 2) u and v of the source frame for each pixel of the canvas, which has overscan: below 0 and
-    over 1 where the lens saw nothing."""
+    """Return u and v (h, w, 2) of the source frame for each pixel of the canvas.
+
+    The canvas has overscan: they are below 0 and over 1 where the lens saw nothing.
+    """
     at = canvas.features_to_source(_centres(canvas.pinhole.width, canvas.pinhole.height))
     return _normalised(at, canvas.camera.width, canvas.camera.height)
 
@@ -36,5 +38,5 @@ def _centres(width: int, height: int) -> Floats:
 
 
 def _normalised(xy: Floats, width: int, height: int) -> Map:
-    """u and v of pixels (h, w, 2) of a picture."""
+    """Return u and v of pixels (h, w, 2) of a picture."""
     return np.stack([xy[..., 0] / width, 1 - xy[..., 1] / height], axis=-1).astype(np.float32)

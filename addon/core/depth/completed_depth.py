@@ -1,7 +1,7 @@
-"""Depth found in the clip together with the shape that maps from elsewhere tell.
+"""Depth of the clip itself, completed by given maps.
 
-Where stereo is sure it decides. Where it is not, on plain walls, gloss, or what moves by itself, a map knows
-the shape but not where it lies: it bends and drifts. There it is taken, tied to what is sure around it.
+Stereo decides where it is sure. On plain walls, gloss, or moving objects it is not; a map has their shape,
+but not their position: it bends and drifts. There the map is used, tied to the sure depth around it.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from .stereo_depth import ORIGIN, StereoDepth, whole_depth
 
 # Chosen by inspection, and checked with `python -m benchmarks.accuracy.completed`.
 REACHES = (0.02, 0.06, 0.2, 0.6)
-"""Of the long side: standard deviations of the windows in which scale and shift are fitted."""
+"""Standard deviations of the windows in which scale and shift are fitted, as shares of the long side."""
 SPARSE = 0.02
-"""Share of a window that is sure at which half of what it tells is believed. Chosen by inspection."""
+"""Sure share of a window at which its fit has half of its weight. Chosen by inspection."""
 GRID = 4
 """Pixels that a window's sums are made at: the smallest window has three times as many."""
 BEND = 0.1
-"""Of the range of inverse depths: deviation from its mean at which a window tells its own slope."""
+"""Deviation, as a share of the range of inverse depths, at which a window has a slope by itself."""
 EXTRAPOLATED = 2.0
-"""Deviations from a window's mean beyond which its slope says nothing. Chosen by inspection."""
+"""Deviations from a window's mean beyond which its slope is not used. Chosen by inspection."""
 MISS = 3.0
 """Levels from the map at which sure depth loses half of its weight."""
 ROUNDS = 4
 """Fits, each with the weights of the one before."""
 SOFT = 0.008
-"""Of the long side: how far from an edge a map is soft."""
+"""Share of the long side by which a map's edges are soft."""
 SHARP = 0.7
-"""Share of what a map changes by within that, which neighbours have where its edge is not soft: those of
-`benchmarks/accuracy/network_depth.py` have 0.3, a rendered map's 1. Chosen by inspection."""
+"""Share of a map's change within this distance that lies between neighbours at a hard edge: maps of
+`benchmarks/accuracy/network_depth.py` have 0.3, a rendered map 1. Chosen by inspection."""
 AROUND = 0.02
-"""Of the long side: standard deviation of what is around a pixel."""
+"""Standard deviation of the surroundings of a pixel, as a share of the long side."""
 DENSE = 0.5
 """Share of sure depth around from which on edges are stereo's. Chosen by inspection."""
 BELIEVED = (0.5, 0.9)
@@ -48,17 +48,22 @@ BELIEVED = (0.5, 0.9)
 believed: of a phone's room, 0.1 to 0.6 around what is wrong and 0.5 to 1 around what is right; of the
 bench's scenes 0.7 to 1."""
 CONTRADICTION = 5.0
-"""Levels from the map at which most of that is meant. Chosen by inspection."""
+"""Levels between map and stereo at which most of a contradiction is real. Chosen by inspection."""
 EDGE = 4.0
-"""Levels within that reach at which a map has an edge, and tells nothing."""
+"""Levels within this reach at which a map has an edge and is not used."""
 
 
 def tied(inverse: Map, sure: Map, given: Map, level: float) -> tuple[Map, Map]:
-    """(h, w) a map's inverse depths `given` (h, w) brought to the sure ones of `inverse` (h, w), and how far
-    (h, w) in [0, 1] the map is to be believed: not beside its edges, which are soft.
+    """Fit a map to sure depth, with scale and shift in windows of several sizes.
 
-    `sure` (h, w) in [0, 1] weighs; `level` is a step of inverse depth that is hardly seen. Scale and shift
-    follow windows of several sizes.
+    Args:
+        inverse: (h, w) inverse depths.
+        sure: (h, w) their weights in [0, 1].
+        given: (h, w) the map's inverse depths.
+        level: A hardly visible step of inverse depth.
+
+    Returns:
+        The fitted map (h, w), and its weight (h, w) in [0, 1], which is low beside its soft edges.
     """
     around = 2 * _softness(given) + 1
     kernel = np.ones((around, around), np.uint8)
@@ -75,10 +80,10 @@ def tied(inverse: Map, sure: Map, given: Map, level: float) -> tuple[Map, Map]:
 
 
 def stepped(given: Map, level: float) -> Map:
-    """(h, w) a map's inverse depths `given` (h, w) with steps of several levels where its edges are soft.
+    """Return a map's inverse depths (h, w) with steps in place of soft edges.
 
-    A pixel at a time, as Kramer and Bruckner have it: of three surfaces the one between stays where it is
-    wide enough to be flat. Where there is a step already nothing is soft.
+    The filter is applied repeatedly, like that of Kramer and Bruckner: of three surfaces, the middle one
+    stays where it is wide enough to be flat. Steps of more than a few levels are hard already.
     """
     reach, kernel = _softness(given), np.ones((3, 3), np.uint8)
     around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
@@ -98,8 +103,10 @@ def _softness(given: Map) -> int:
 
 
 def _fitted(shape: Map, off: Map, weight: Map) -> Map:
-    """(h, w) `off` (h, w) as a slope and an offset over `shape` (h, w), by least squares in windows: in each
-    size what the larger ones left, the less of it the less there is in the window."""
+    """`off` (h, w) as slope and offset over `shape` (h, w), by least squares in windows.
+
+    Each size fits the residual of the larger ones, with less weight for fewer known pixels.
+    """
     size = max(shape.shape[1] // GRID, 1), max(shape.shape[0] // GRID, 1)
     small, left, weight = (
         cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (shape, off * weight, weight)
@@ -155,8 +162,10 @@ def completed(depth: DenseDepth, given: Map) -> DenseDepth:
 
 @dataclass(frozen=True)
 class CompletedDepth(DepthSource):
-    """Depth that stereo finds, with maps for what it is not sure of; of a frame without a map stereo's alone.
-    Errors as of both."""
+    """Depth from stereo, with maps for unsure pixels; frames without a map have stereo alone.
+
+    Errors as of both.
+    """
 
     stereo: StereoDepth
     maps: DepthSource

@@ -1,4 +1,4 @@
-"""What the sweep cannot say: depth where there are only sparse points, and smooth surfaces."""
+"""Depth between sparse points, and smooth surfaces."""
 
 from __future__ import annotations
 
@@ -17,17 +17,22 @@ LEAST_WEIGHT = 1e-6
 FILTER_WINDOW = 9
 """Pixels across the bilateral filter that smooths surfaces."""
 FILTER_SIGMA_LEVEL = 1.5
-"""Levels: standard deviation of that bilateral filter in depth."""
+"""Standard deviation of the bilateral filter in levels."""
 FILTER_SIGMA_SPACE = 3.0
-"""Pixels: standard deviation of that bilateral filter in the picture."""
+"""Standard deviation of the bilateral filter in pixels."""
 
 
 def interpolate(guide: Map, value: Map, weight: Map, default: float) -> Map:
-    """(h, w) values interpolated from where their weight (h, w) is high, along the surfaces of a picture (h,
-    w) in grey levels; `default` where no weight reaches.
+    """Interpolate values along the surfaces of a picture.
 
-    Min et al., "Fast global image smoothing based on weighted least squares", 2014, of weight * value over
-    that of weight.
+    Min et al., "Fast global image smoothing based on weighted least squares", 2014: the smoothed weight *
+    value over the smoothed weight.
+
+    Args:
+        guide: (h, w) the picture in grey levels.
+        value: (h, w).
+        weight: (h, w).
+        default: Value where no weight reaches.
     """
     picture = np.clip(guide, 0, 255).astype(np.uint8)
     scale = abs(default) or 1.0

@@ -23,9 +23,9 @@ from ..media.picture_file import Pixels, grey
 NETWORK = ".onnx"
 """Ending of the files that are run."""
 MEAN = np.array([0.485, 0.456, 0.406], np.float32)
-"""Of red, green and blue from 0 to 1, which MiDaS and Depth Anything subtract: ImageNet's."""
+"""Mean of red, green and blue in [0, 1] that MiDaS and Depth Anything subtract: ImageNet's."""
 DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)
-"""Of the same, by which they divide then."""
+"""Standard deviation by which they divide."""
 SIZES = ((518, 14), (384, 32))
 """Pixels of the long side, and those that both sides are multiples of, for networks that take any size: Depth
 Anything's, then MiDaS's, as their authors run them."""
@@ -53,9 +53,12 @@ class DepthNetwork:
         self._sizes = SIZES if 0 in self._told else SIZES[:1]
 
     def run(self, picture: Pixels) -> NDArray[np.generic]:
-        """(h, w) what the network says of a picture (H, W, 3 or 4) as stored, of all of it at any size.
+        """Return the network's map (h, w) of a picture (H, W, 3 or 4) as stored.
 
-        ValueError where OpenCV cannot run it, or what comes out is no map.
+        The map covers the picture at any size.
+
+        Raises:
+            ValueError: OpenCV cannot run the network, or its output is not a map.
         """
         with self._lock, _refusals():
             while True:
@@ -89,14 +92,17 @@ class DepthNetwork:
 
 
 def open_network(path: Path, clip: Footage) -> PackedPictures:
-    """What a network says of a clip's pictures, (h, w, 3) gray float32 for each frame, found when it is asked
-    for. UserError, one line, where the network cannot be read."""
+    """Open a network as the source of a clip's maps, (h, w, 3) gray float32 a frame, made on demand.
+
+    Raises:
+        UserError: The network cannot be read.
+    """
     try:
         network = DepthNetwork(path)
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or error
         raise UserError(f"depth maps: {path.name} cannot be read: {reason}") from error
-    # Opened for itself: frames around one are looked at, and whoever reads the clip in order would seek.
+    # A second reader: reading frames around one would make the clip's own reader seek.
     own, lock = replace(clip), threading.Lock()
 
     def decode(frame: int) -> Pixels:
@@ -135,8 +141,10 @@ def _sides(shape: tuple[int, ...]) -> str:
 
 
 def _input_shape(data: bytes) -> tuple[int, ...]:
-    """The shape of the first input of an ONNX model of these bytes, 0 for what it leaves open; empty where it
-    tells none. OpenCV does not say it. ValueError for bytes that are no protobuf."""
+    """The shape of the first input of an ONNX model, 0 for free sizes; empty if it has none.
+
+    OpenCV does not report it. ValueError for bytes that are not a protobuf.
+    """
     message: int | memoryview = memoryview(data)
     for field in _PATH:
         message = next((value for number, value in _fields(message) if number == field), 0)
@@ -144,7 +152,7 @@ def _input_shape(data: bytes) -> tuple[int, ...]:
         next((value for number, value in _fields(side) if number == 1), 0)
         for field, side in _fields(message) if field == 1
     ]  # fmt: skip
-    # Exporters write -1, too, for what is open.
+    # Some exporters write -1 for free sizes.
     return tuple(side if isinstance(side, int) and side < 1 << 63 else 0 for side in sides)
 
 

@@ -1,17 +1,17 @@
-"""Depth kept on disk beside the solve: what does not depend on the lens is found once.
+"""Depth kept on disk beside the solve: results that do not depend on the lens are found once.
 
-FOLDER/KEY/depth-000123.npz    a frame's inverse depth in 12 bits, its confidence in 4, what moves in it, and
+FOLDER/KEY/depth-000123.npz    a frame's inverse depth in 12 bits, its confidence in 4, its moving pixels, and
                                inverse depth past its border
 FOLDER/KEY/moving-SUBJECT-000123.npz   the probability of a subject in a frame
-FOLDER/KEY/moving-people.npz   the people of the clip, each in the frame in which they were found
+FOLDER/KEY/moving-people.npz   the people of the clip, each in the frame of their detection
 FOLDER/KEY/moving-objects.npz   the strokes that mark the other moving objects of the clip
-FOLDER/KEY/single-000123.npz, coarse-000123.npz   a key frame's depth by itself, and that of a source frame of
-                               the static scene, before others are fused with it
-FOLDER/KEY/lost-THRESHOLD-000123.npz, lamps-THRESHOLD-000123.npz   light that clipping took from a frame, and
-                               what the rims of its highlights tell (`frame/kept_highlights.py`)
+FOLDER/KEY/single-000123.npz, coarse-000123.npz   depth of a key frame, and of a source frame of the static
+                               scene, before fusion with others
+FOLDER/KEY/lost-THRESHOLD-000123.npz, lamps-THRESHOLD-000123.npz   the clipped light of a frame, and
+                               estimates from the rims of its highlights (`frame/kept_highlights.py`)
 
-KEY stands for everything that they depend on. A file that is damaged, or of another size, is not there.
-Processes that work on the same clip share what is kept: each takes what no other is making (`made`).
+KEY is a digest of all inputs. A file that is damaged, or of another size, does not exist. Processes that
+work on the same clip share kept results: each makes those that no other is making (`made`).
 """
 
 from __future__ import annotations
@@ -44,20 +44,20 @@ UNKNOWN = FINEST + 1
 MAPS: dict[str, type[np.generic]] = {
     "inverse": np.uint16, "confidence": np.uint8, "moving": np.uint8, "past": np.uint16,
 }  # fmt: skip
-"""Pictures in a frame's file, and what they consist of."""
+"""Pictures in a frame's file, and their types."""
 PNG = b"\x89PNG\r\n\x1a\n"
 """Begins a PNG, whose width and height stand at its 17th byte (ISO/IEC 15948)."""
 LONGEST_SIDE = 16384
 """Pixels of a mask at most, as of any picture that is drawn."""
 KINDS = "depth", "moving", "single", "coarse", "lost", "lamps"
-"""What the names of files begin with; all others go where there is no room for the first."""
+"""Prefixes of file names; files of other keys go where there is no room for the first kind."""
 RECOUNT = 10.0
 """Seconds after which files are counted again, which other processes write, too."""
 PAUSE, PATIENCE = 0.03, 60.0
 """Seconds between two looks whether another process has made what is needed, and until it is made here
 instead: that one may be stopped. By eye."""
 SUREST = 15
-"""Steps of confidence from 0 to 1: it is compared with thresholds that were set by eye."""
+"""Steps of confidence from 0 to 1; it is compared with thresholds only."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Steps:
 
     @classmethod
     def of(cls, inverse_depth: Map) -> Steps:
-        """Of inverse depth (h, w), NaN where nothing is known."""
+        """Encode inverse depth (h, w), NaN in unknown pixels."""
         known = ~np.isnan(inverse_depth)
         low = float(np.min(inverse_depth, initial=np.inf, where=known)) if known.any() else 0.0
         high = float(np.max(inverse_depth, initial=low, where=known))
@@ -105,8 +105,14 @@ class KeptDepth:
     def of(
         cls, inverse_depth: Map, confidence: Map, moving: Mask, past_border: Map | None = None
     ) -> KeptDepth:
-        """Of inverse depth, its confidence in [0, 1], and what moves, each (h, w); and inverse depth past the
-        border (h + 2 m, w + 2 m), NaN where it is not known."""
+        """Encode a frame's depth.
+
+        Args:
+            inverse_depth: (h, w).
+            confidence: (h, w) in [0, 1].
+            moving: (h, w) moving pixels.
+            past_border: (h + 2 m, w + 2 m) inverse depth, NaN in unknown pixels.
+        """
         past = np.full(inverse_depth.shape, np.nan, np.float32) if past_border is None else past_border
         sure = np.rint(SUREST * confidence).astype(np.uint8)
         return cls(Steps.of(inverse_depth), sure, moving, Steps.of(past))
@@ -130,14 +136,17 @@ class KeptDepth:
 class DepthStore:
     """The kept depth of one clip's frames.
 
-    Nothing is raised where the disk is full or cannot be written: then less is kept, and `problem` says why.
+    If the disk is full or not writable, nothing is raised: less is kept, and `problem` has the reason.
     """
 
     def __init__(self, folder: Path, key: Callable[[], str], most: int | None = None) -> None:
-        """`folder` is of all keys; those not written to for longest go where it holds over `most` bytes.
+        """Open a store.
 
-        Without `most` they are as many as the user allows (`limits.most_kept_depth`).
-        `key` tells what depth depends on now: what is found once that has changed is not kept.
+        Args:
+            folder: Folder of all keys.
+            key: Returns the key of the present inputs; results are not kept after it changes.
+            most: Most bytes in the folder; the keys not written to for longest are removed. Without it the
+                user's limit counts (`limits.most_kept_depth`).
         """
         self._key, self._key_now = key(), key
         self._folder, self._most = folder / self._key, most or limits.most_kept_depth()
@@ -146,7 +155,7 @@ class DepthStore:
         """Why the last thing that was to be kept is not; None where it is."""
 
     def depth(self, frame: int, shape: tuple[int, int], kind: str = "depth") -> KeptDepth | None:
-        """A frame's depth (h, w) of that shape and one of `KINDS`, None where it is not kept."""
+        """Return a frame's kept depth of a shape (h, w) and one of `KINDS`; None if there is none."""
         kept = self.read(f"{kind}-{frame:06d}", (*MAPS, "range", "past_range"))
         if kept is None:
             return None
@@ -187,10 +196,16 @@ class DepthStore:
         read: Callable[[int], R | None],
         make: Callable[[int], R],
     ) -> dict[int, R]:
-        """Something of each frame: as it is kept, which `read` tells, else by `make`, which keeps it.
+        """Return a result for each frame, kept or made.
 
-        Of several, what another process is making is waited for, after everything else, so that they share
-        the work. A single one is made at once: they share what it is made from.
+        Frames that another process is working on are waited for, after all others, so that processes share
+        the work. A single frame is made at once: processes share its inputs.
+
+        Args:
+            frames: Numbers of frames.
+            name: Returns the name of a frame's file.
+            read: Returns the kept result, None without one.
+            make: Makes and keeps a result.
         """
         found, left = dict[int, R](), list(frames)
         until = time.monotonic() + PATIENCE
@@ -203,7 +218,7 @@ class DepthStore:
                         if not is_mine and time.monotonic() < until:
                             waiting.append(frame)
                             continue
-                        # Who had it may just have kept it.
+                        # The process with the claim may just have kept it.
                         there = read(frame) if len(frames) > 1 else None
                         there = make(frame) if there is None else there
                     until = time.monotonic() + PATIENCE
@@ -216,8 +231,10 @@ class DepthStore:
 
     @contextlib.contextmanager
     def _claimed(self, name: str) -> Iterator[bool]:
-        """Keep other processes from making a file meanwhile; whether none of them is at it. Where that cannot
-        be told each makes its own."""
+        """Claim a file against other processes; yields whether the claim succeeded.
+
+        Without file locks each process makes its own.
+        """
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             lock = FileLock(self._folder / f"{name}.lock", UserError, patience=0)
@@ -234,8 +251,7 @@ class DepthStore:
         return (self._folder / f"{name}.npz").exists()
 
     def read(self, name: str, parts: tuple[str, ...]) -> dict[str, NDArray[np.generic]] | None:
-        """The arrays of these names in the file of a name, which begins as one of `KINDS`; None where it is
-        not there, or damaged."""
+        """Return arrays by name from a kept file; None if it is missing or damaged."""
         path = self._folder / f"{name}.npz"
         try:
             # It is not compressed once more.
@@ -266,8 +282,11 @@ class DepthStore:
             self.problem = UserError(str(error), *error.remedies)
 
     def _has_room(self, more: int, goes_first: bool) -> bool:
-        """Whether so many bytes more are no more than the most; for what `goes_first` once other keys' files
-        are removed for it, the oldest first, and then own ones of what depth is found from."""
+        """Return whether more bytes fit.
+
+        For files that go first, files of other keys are removed for it, the oldest first, and then own ones
+        of intermediate results.
+        """
         if time.monotonic() > self._counted + RECOUNT:
             if self._counted < 0:
                 atomic.collect_orphans(self._folder)
@@ -288,8 +307,10 @@ def kept_size(folder: Path) -> int:
 
 
 def delete_kept(folder: Path) -> int:
-    """Delete the kept depth in a folder, of all keys, and nothing else; how many bytes that frees. OSError
-    where a file cannot be deleted."""
+    """Delete the kept depth in a folder, of all keys, and nothing else; how many bytes that frees.
+
+    OSError where a file cannot be deleted.
+    """
     freed = 0
     for each in _folders(folder):
         freed += _delete(each)

@@ -11,15 +11,17 @@ FOOT = 255 * 0.055
 """Grey levels, which added to those of sRGB (IEC 61966-2-1) make them a power of light, but for the darkest:
 light times a factor is levels times one."""
 CLIPPED = 250
-"""Grey level from which on a pixel may be clipped, and tells nothing of its light. Chosen by inspection."""
+"""Grey level from which a pixel may be clipped. Chosen by inspection."""
 LEAST = 0.004
 """Relative difference of levels that is left alone: a step of 8 bits in white."""
 
 
 def exposed_as(picture: Bytes, own: Bytes, theirs: Bytes) -> Bytes:
-    """A picture (h, w, 3), RGB as displayed, with each channel as bright as in a frame, by the median of what
-    both show of the same places: the frame (n, 3) and the picture (n, 3). Unchanged where they hardly differ,
-    or both have no place that is not clipped."""
+    """Return a picture (h, w, 3), display-encoded, with the brightness of a frame in each channel.
+
+    The factor is the median over places that both show: the frame's colours (n, 3) and the picture's (n, 3).
+    The picture is unchanged if they hardly differ, or if all places are clipped.
+    """
     clear = np.maximum(own, theirs).max(axis=1, initial=0) < CLIPPED
     if not clear.any():
         return picture

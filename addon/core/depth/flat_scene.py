@@ -22,18 +22,19 @@ PERSON, SHOULDERS = 1.7 / 1.5, 0.45 / 1.5
 """Height and width of a person in heights of the camera above the ground: metres, of a camera at 1.5 m.
 Assumed, as all constants here that name no measurement: three real clips were looked at."""
 SPREAD, UNSURE, OUTLIER = 0.1, 0.2, 3.0
-"""Standard deviations of the logarithm of people's heights within a clip, and of `PERSON`; and times the
-first beyond which a height counts no more, as of people who bend down or sit."""
+"""Standard deviations of the logarithm of people's heights within a clip, and of `PERSON`; and the multiple
+of the first beyond which a height counts no more, as of people that bend down or sit."""
 PITCHES = np.linspace(-1, 1, 401)
 """Tangents of the angle by which the horizon may be below the middle of the picture."""
 LEVEL = 0.5
-"""Standard deviation of that tangent among clips."""
+"""Standard deviation of this tangent among clips."""
 INDEPENDENT = 10
 """Outlines that count: those of one person in several frames are alike."""
 BEYOND, BEHIND = 4.0, 2.0
 """Distance of the wall, in those of the nearest and of the farthest subject, at least."""
 BESIDE = 1.6
-"""Ratio of widths within which subjects whose feet are not seen are equally far: who turns is narrower."""
+"""Ratio of widths within which subjects without visible feet are equally far: a turning person gets
+narrower."""
 SHALLOWEST = 0.02
 """Tangent below the horizon of the farthest feet whose distance is known."""
 BORDER = 2
@@ -85,7 +86,7 @@ class FlatScene:
     up: Floats
     """(3,) unit vector along world axes."""
     height: float
-    """Of the camera above the ground, in scene units."""
+    """Height of the camera above the ground, in scene units."""
     wall: float
     """Horizontal distance of the wall, in scene units."""
     cut_off: float
@@ -113,9 +114,9 @@ class FlatScene:
 def flat_scene(reconstruction: Reconstruction, people: Sequence[Sequence[Outline]]) -> FlatScene:
     """Estimate the scene around a camera that stays in its place.
 
-    The horizon is where people of one height stand on one ground, before a camera at 0.9 of that height; the
-    camera's own middle row where no whole person is seen. The wall is as far as the points of the
-    reconstruction, which gives the unit of length.
+    The horizon is where people of one height stand on one ground, before a camera at 0.9 of their height; it
+    is the camera's middle row if no whole person is seen. The wall is as far as the points of the
+    reconstruction, which give the unit of length.
 
     Args:
         reconstruction: That of the camera.
@@ -143,7 +144,7 @@ def flat_scene(reconstruction: Reconstruction, people: Sequence[Sequence[Outline
 
 
 def _misfit(whole: Sequence[Outline], up: Floats) -> float:
-    """How unlikely the heights of people are who stand on the ground below a camera, `up` (3,) from it."""
+    """Negative log-likelihood of the heights of people on the ground below a camera, `up` (3,) from it."""
     if not whole:
         return 0.0
     feet, heads = (np.array(rays) for rays in zip(*((each.foot, each.head) for each in whole), strict=True))

@@ -15,7 +15,8 @@ from ..base.arrays import Floats, Map, Mask
 from ..camera.intrinsics import Intrinsics
 
 BESIDE = 0.5
-"""Of an object's larger side, around its lowest part in which ground is looked for."""
+"""Width of the area around an object's lowest part that is searched for ground, as a share of its larger
+side."""
 ABOVE = 0.15
 """The same upwards: ground behind feet."""
 BELOW = 0.3
@@ -27,19 +28,17 @@ TOLERANCE = 0.03
 TRIES = 64
 """Samples of RANSAC: with half of the pixels on the plane, all fail once in 5,000 objects."""
 LEAST_PIXELS = 60
-"""Pixels that tell a plane."""
+"""Least pixels of a plane."""
 LEAST_SHARE = 0.5
 """Share of the pixels there that must lie on the plane."""
 LEAST_RISE = 0.5
 """Cosine between the plane's normal and the picture's vertical from which on it is a ground, 60 degrees:
 a wall or a hedge behind is none."""
 MOST_ROLL = 0.35
-"""Sine of the angle by which it may lean to a side of the picture, 20 degrees: what is guessed of a dark
-floor leans by more."""
+"""Sine of the largest roll of a ground, 20 degrees: guessed depth of a dark floor rolls by more."""
 STEEPEST = 1.0
-"""Depth over width of a line of contact, 45 degrees: what hovers, as a paw that is lifted, seems to be on
-the ground far behind. With 1.7 an animal's depth is off by up to 0.3, from single frames, with this by
-0.02."""
+"""Depth over width of a line of contact, 45 degrees at most: a lifted paw seems to be on the ground far
+behind. With 1.7 an animal's depth is off by up to 0.3 from single frames, with this by 0.02."""
 LEAST_WIDTH = 0.5
 """Share of an object's width along which it must touch the ground for its sides to be at different
 depths."""
@@ -47,12 +46,12 @@ FOOT = 4
 """Pixels below an object's lower outline, past `GAP`, in which what it stands on is seen. Chosen by
 inspection."""
 SEEN_THROUGH = 0.5
-"""Share of what is seen there that may lie behind a ground, by twice `TOLERANCE`: ground hides what is
-behind it. The rail of the bench's fence, low and wide, is a plane that leans by any angle, and was now
-and then the ground of the tram behind it: 28.4 instead of 34.0 dB (32 px, from the video alone)."""
+"""Share of the pixels below an object that may lie behind a ground, by twice `TOLERANCE`: ground hides things
+behind it. The low, wide rail of the bench's fence is a plane that leans by any angle, and was sometimes the
+ground of the tram behind it: 28.4 instead of 34.0 dB (32 px, from the video alone)."""
 DOMINANT = 0.75
-"""Share of the pixels around an object on a plane, from which on it is a ground even where pixels below the
-object lie behind it: depth is wrong beneath the feet of a man who walks away, which frames around hide."""
+"""Share of the pixels around an object on a plane from which it is a ground even if pixels below the object
+lie behind it: depth is wrong beneath the feet of a man walking away, which frames around hide."""
 BORDER = 3
 """Pixels from the picture's lower border within which an object may go on beyond."""
 
@@ -69,15 +68,21 @@ class Plane:
         return np.asarray(rays @ self.normal)
 
     def seen_from(self, rotation: Floats, translation: Floats) -> Plane | None:
-        """In the space of another camera, whose X is rotation (3, 3) @ X + translation (3,); None if that
-        lies in it."""
+        """Return the plane in another camera's space; None if that camera lies in it.
+
+        The other camera's X is rotation (3, 3) @ X + translation (3,).
+        """
         turned = rotation @ self.normal
         distance = 1 + turned @ translation
         return Plane(turned / distance) if distance > 1e-6 else None
 
     def directions(self, column: float) -> tuple[Floats, Floats, Floats]:
-        """Unit vectors (3,) off the plane towards the camera, along it away from the camera in a column x / z
-        of the picture, and along it across that, to the right."""
+        """Return the plane's axes for a column x / z of the picture.
+
+        Returns:
+            Unit vectors (3,): off the plane towards the camera; along it away from the camera; and along it
+                across, to the right.
+        """
         up = -self.normal / np.linalg.norm(self.normal)
         ray = np.array([column, 0.0, 1.0])
         forward = ray - (ray @ up) * up
@@ -87,15 +92,15 @@ class Plane:
 
 @dataclass(frozen=True)
 class Contact:
-    """Where an object touches the ground."""
+    """The contact of an object with the ground."""
 
     place: Floats
-    """(3,) the nearest of that, in the camera's space."""
+    """(3,) nearest place of contact, in the camera's space."""
     column: float
     """x / z of the middle of the object."""
     slope: float
-    """Of the line of contact: distance along the ground away from the camera, in that column, over that to
-    the right."""
+    """Slope of the line of contact: distance along the ground away from the camera over distance to the
+    right."""
 
     def inverse_depth(self, slope: float, ground: Plane) -> float:
         """1 / z of the ground below the middle of the object, on a line through the place with a slope."""
@@ -113,11 +118,19 @@ def rays_of(pinhole: Intrinsics, xy: Floats) -> Floats:
 
 
 def ground_below(mask: Mask, inverse: Map, known: Mask, pinhole: Intrinsics) -> Plane | None:
-    """The plane of the ground around the lowest part of an object (h, w), of inverse depths (h, w) where they
-    are `known` (h, w); None where nothing there is a ground.
+    """Find the plane of the ground around the lowest part of an object.
 
-    RANSAC (Fischler and Bolles, 1981) and least squares over what agrees: a plane's inverse depth is linear
+    RANSAC (Fischler and Bolles, 1981) and least squares over the inliers: a plane's inverse depth is linear
     in the picture.
+
+    Args:
+        mask: (h, w) the object.
+        inverse: (h, w) inverse depths.
+        known: (h, w) pixels with a depth.
+        pinhole: That of the picture.
+
+    Returns:
+        The plane; None if no plane there is a ground.
     """
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     side, bottom = max(np.ptp(rows), np.ptp(columns)) + 1, rows[-1]
@@ -142,7 +155,7 @@ def ground_below(mask: Mask, inverse: Map, known: Mask, pinhole: Intrinsics) -> 
     few = random.integers(len(rays), size=min(len(rays), 1500))
     agree = _agree(rays[few] @ normals.T, values[few, None])
     foot = _foot(mask[part])[row, column]
-    # What stands upright behind may be the larger part, or a rail that is before it.
+    # The larger part may be an upright surface behind, or a rail in front.
     possible = np.array([_is_ground(normal) for normal in normals])
     share = agree.mean(axis=0)
     possible &= ~_seen_through(rays[foot] @ normals.T, values[foot, None]) | (share >= DOMINANT)
@@ -175,7 +188,7 @@ def _seen_through(plane: Floats, values: Floats) -> Mask:
 
 
 def _agree(plane: Floats, values: Floats) -> Mask:
-    """Whether inverse depths are those of a plane there."""
+    """Return whether inverse depths agree with a plane's."""
     return np.abs(plane - values) <= TOLERANCE * values
 
 
@@ -185,10 +198,11 @@ def _is_ground(normal: Floats) -> bool:
 
 
 def contact(mask: Mask, ground: Plane, pinhole: Intrinsics) -> Contact | None:
-    """Where an object (h, w) touches the ground; None where that is not in the picture.
+    """Return the contact of an object (h, w) with the ground; None if it is out of the picture.
 
-    Its outline's lower convex hull touches the ground at its corners, and goes along it between them: at
-    wheels, paws, feet. Beside those that can be one side of it, the hull leads up to what hovers.
+    The lower convex hull of the outline touches the ground at its corners and along the lines between them:
+    at wheels, paws, feet. Beyond the corners that can be one side of the object, the hull leads up to
+    hovering parts.
     """
     columns = np.flatnonzero(mask.any(axis=0))
     height = mask.shape[0]
@@ -222,9 +236,15 @@ def contact(mask: Mask, ground: Plane, pinhole: Intrinsics) -> Contact | None:
 
 
 def upright(base: float, column: float, slope: float, ground: Plane, rays: Floats) -> Floats:
-    """(...) inverse depth along rays (..., 3) of a plane that stands upright on the ground, where that has
-    the inverse depth `base` below a column x / z; it goes along the ground with a slope as
-    `Contact.slope`."""
+    """Return the inverse depth (...) along rays (..., 3) of an upright plane on the ground.
+
+    Args:
+        base: Inverse depth of the ground below the column.
+        column: x / z.
+        slope: As `Contact.slope`.
+        ground: The ground.
+        rays: Rays of pixels.
+    """
     normal = ground.normal
     foot = np.array([column, (base - normal[0] * column - normal[2]) / normal[1], 1.0])
     up, forward, right = ground.directions(column)

@@ -18,10 +18,10 @@ inspection."""
 
 
 def upsampled(depth: NDArray[np.floating], picture: LinearRGBA) -> Floats:
-    """(H, W) of small inverse depths (h, w), their jumps where the large picture (H, W, 4) has its edges.
+    """Return small inverse depths (h, w) at the size (H, W) of a picture (H, W, 4), with its edges.
 
-    Of the four neighbours in the small picture the one is taken that is nearest and most alike in colour.
-    Kopf et al., "Joint bilateral upsampling", 2007, with a single vote.
+    The value comes from the neighbour that is nearest and most alike in colour, of four. Kopf et al., "Joint
+    bilateral upsampling", 2007, with a single vote.
     """
     height, width = picture.shape[:2]
     if depth.shape == (height, width):
@@ -49,7 +49,7 @@ def upsampled(depth: NDArray[np.floating], picture: LinearRGBA) -> Floats:
         found += weight * value
         np.minimum(low, value, out=low)
         np.maximum(high, value, out=high)
-    # Colours are compared where that tells anything.
+    # Colours are compared where they differ.
     row, column = np.nonzero(high - low > DISCONTINUITY * float(small.max(initial=0)))
     own, best = shown[row, column], np.full(len(row), np.inf, np.float32)
     for weight, (rows_of, columns_of) in zip(weights, neighbours, strict=True):

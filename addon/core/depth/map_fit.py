@@ -1,7 +1,7 @@
-"""The user's depth maps brought to the units of the reconstruction.
+"""The user's depth maps in the units of the reconstruction.
 
-A map may hold depth, or inverse depth (which disparity is, but for a factor), with any scale and shift, as
-depth networks and sensors write them. The feature points of the reconstruction tell which, and how much.
+A map holds depth or inverse depth (disparity, but for a factor), with any scale and shift, as depth networks
+and sensors write them. The feature points of the reconstruction determine kind, scale and shift.
 """
 
 from __future__ import annotations
@@ -18,36 +18,34 @@ from ..base.errors import UserError
 from .user_maps import DepthMap, DepthMaps
 
 KINDS = ("depth", "inverse")
-"""What a map may hold of a stored value d: z = a d + b, or 1 / z = a d + b."""
+"""Kind of a map's stored value d: z = a d + b, or 1 / z = a d + b."""
 MIN_POINTS = 8
-"""Feature points with fewer of which a frame's own fit says nothing. Chosen by inspection."""
+"""Least feature points of a frame's own fit. Chosen by inspection."""
 DISCONTINUITY = 0.1
-"""Of the inverse depth: no depth is made up between neighbouring pixels that differ by more. Chosen by
+"""Relative difference of inverse depth from which no depth is interpolated between pixels. Chosen by
 inspection."""
 NEAREST = 10.0
-"""Times the inverse depth of the nearest feature: what lies nearer is a glitch of the map. Chosen by
-inspection."""
+"""Largest inverse depth relative to the nearest feature; nearer values are glitches. Chosen by inspection."""
 SAMPLES = 9
 """Frames that decide what the maps of the clip have in common. Chosen by inspection."""
 EXPLAINS = 0.9
-"""A fit that misses by more than this share of what one depth for all would, explains nothing. Chosen by
-inspection."""
+"""Largest residual of a fit, relative to that of a constant depth. Chosen by inspection."""
 USUAL = 3.0
 """Times what the clip's fits miss: a frame that is worse is not merely short of depth range. Chosen by
 inspection."""
 CAP = 15.0
 """Times the median deviation of inverse depths: no wrong point counts for more. Chosen by inspection."""
 LEAST_CAP = 0.1
-"""Of the median inverse depth: the least that a wrong point may count for. Chosen by inspection."""
+"""Least influence of a wrong point, relative to the median inverse depth. Chosen by inspection."""
 TRIALS = 300
 """Random pairs of points whose lines are tried: of half wrong points, 75 are right in the mean."""
 SCORED = 600
 """Points by which these lines are judged. Chosen by inspection, for time."""
 REACH = 4.0
-"""Times the residual's scale: what is farther off is wrong. Chosen by inspection."""
+"""Residuals, in units of their scale, from which points are outliers."""
 TIGHTEST = 0.005
-"""Of the clip's median inverse depth: how far scale and shift of a frame may always stray from the clip's.
-Chosen by inspection."""
+"""Share of the clip's median inverse depth by which a frame's scale and shift may always differ from the
+clip's. Chosen by inspection."""
 
 INDEPENDENT = 50
 """Features at most whose errors have nothing in common: a bent map is wrong alike for neighbours. Chosen by
@@ -61,10 +59,13 @@ MEDIAN_SQUARE = 0.455
 
 @dataclass(frozen=True)
 class ClipFit:
-    """What the maps of a clip have in common. u = (d - centre) / span stands for the stored value d."""
+    """The common fit of a clip's maps.
+
+    u = (d - centre) / span stands for the stored value d.
+    """
 
     kind: str
-    """What the maps hold, one of `KINDS`."""
+    """Kind of the maps, one of `KINDS`."""
     centre: float
     """Stored value that is the median of the sampled ones."""
     span: float
@@ -83,7 +84,7 @@ class ClipFit:
 
 @dataclass(frozen=True)
 class FrameLine:
-    """What a frame's own features say of its map."""
+    """The fit of a frame's map by its own features."""
 
     frame: int
     line: Floats
@@ -98,7 +99,7 @@ class Fitted:
 
     frame: int
     kind: str
-    """What the map holds, one of `KINDS`."""
+    """Kind of the map, one of `KINDS`."""
     scale: float
     """z or 1 / z, in the reconstruction's unit, of a step of the stored value."""
     shift: float
@@ -188,15 +189,21 @@ def fit_depth(
     clip: ClipFit | None = None,
     line: Floats | None = None,
 ) -> Fitted:
-    """Bring a map to the units of the reconstruction by its frame's features, and to the clip's size.
+    """Bring a map to the units of the reconstruction, and to the clip's size.
 
-    `xy` (n, 2) are pixels of the clip's picture, `inverse_depth` (n,) is 1 / z there, in 1 / scene units.
     Slope and offset come from random pairs (MSAC: Torr and Zisserman, "MLESAC", 2000), then from least
-    squares with Huber's weights on what is within reach. With `clip` the kind is the clip's, and its usual
-    slope and offset, known as exactly as they vary from frame to frame, are weighed against the frame's
-    points: a frame with few points, or with all at one depth, stays near them. Without, the kind that misses
-    less is taken. `line` (2,) is a slope and offset that is known, as of `steadied`. Raises UserError where
-    the map explains nothing.
+    squares with Huber's weights. With `clip`, the clip's usual slope and offset are a prior, as narrow as
+    they vary from frame to frame: frames with few points, or with all at one depth, stay near them.
+
+    Args:
+        depth: The map.
+        xy: (n, 2) features in pixels of the clip's picture.
+        inverse_depth: (n,) there, in 1 / scene units.
+        clip: The common fit; without it the better kind is chosen.
+        line: (2,) known slope and offset, as of `steadied`.
+
+    Raises:
+        UserError: The map does not fit the features.
     """
     stored, inverse = _sampled(depth, xy, inverse_depth)
     if clip is None:
@@ -265,7 +272,7 @@ def _fit_clip(kind: str, seen: list[tuple[int, Floats, Floats]]) -> tuple[ClipFi
 
 def _line(kind: str, u: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Slope and offset (2,) with their information matrix (2, 2), the inverse of the covariance."""
-    # An error of depth is one of inverse depth times the square of that: all is judged in inverse depth.
+    # Errors are judged in inverse depth: an error of depth is divided by the square of depth.
     wanted, weight = (y, np.ones_like(y)) if kind == "inverse" else (1 / y, y * y)
     rows = weight[:, None] * np.stack([u, np.ones_like(u)], axis=1)
     wanted = weight * wanted
@@ -305,7 +312,7 @@ def _inverse(kind: str, line: Floats, u: Floats) -> Floats:
 
 
 def _cap(y: Floats) -> float:
-    """What a point at most counts for. A median would not: half of all points may lie on one wall."""
+    """Largest influence of a point. The median fails if half of all points lie on one wall."""
     median = float(np.median(y))
     return max(CAP * float(np.median(np.abs(y - median))), LEAST_CAP * median)
 
@@ -329,7 +336,7 @@ def _refusal(frame: int, name: str, missed: float, constant: float) -> UserError
 
 
 def _resampled(inverse: Floats, width: int, height: int) -> Floats:
-    """(h, w) -> (height, width), linear but for jumps and the rim of what is unknown: there the nearest."""
+    """(h, w) -> (height, width), linear, but nearest at jumps and at the rim of unknown pixels."""
     rows, columns = inverse.shape
     if (columns, rows) == (width, height):
         return inverse

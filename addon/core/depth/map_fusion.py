@@ -13,7 +13,7 @@ from ..base.progress import checkpoint
 from .source import extended
 
 TINY = float(np.finfo(np.float32).tiny)
-"""The smallest normal number of single precision, for what must not be zero, in whichever unit."""
+"""Smallest normal number of single precision, against division by zero, in any unit."""
 LEAST_FRAMES = 8
 """Frames of a short clip that may help, even if that needs a smaller step. Chosen by inspection."""
 KEPT_FRAMES = 8
@@ -33,19 +33,18 @@ SURE = 0.5
 FAR_LAMBDA = 4000.0
 """Lambda of the fast global smoother that extrapolates sure depth. Chosen by inspection."""
 HOLE_LAMBDA = 50.0
-"""Lambda of that smoother within holes of what is sure: with it fence has 34.04 instead of 33.93 dB
-(32 px, from the video alone) and a fifth to a third fewer triangles."""
+"""Lambda of the smoother within holes of sure depth: with it fence has 34.04 instead of 33.93 dB (32 px, from
+the video alone) and a fifth to a third fewer triangles."""
 SMOOTHER_SIGMA = 6.0
 """Grey levels at which both smoothers stop. Chosen by inspection."""
 HOLE_WINDOW = 0.02
-"""Of the long side: what is around a pixel in a hole. With 0.04 fence has 34.14 instead of 34.19 dB, and
-a hole is left in the duck's frame 107."""
+"""Share of the long side around a pixel in a hole. With 0.04 fence has 34.14 instead of 34.19 dB, and a hole
+is left in the duck's frame 107."""
 HOLE_SHARE = (0.5, 0.7)
 """Shares of own depths around a pixel below which it is in no hole, and from which on it is. Chosen by
 inspection."""
 BEHIND_POWER = 4.0
-"""What is not sure beside something near is behind it: weight is depth to this power. Chosen by
-inspection."""
+"""Unsure pixels beside something near are behind it: weight is depth to this power. Chosen by inspection."""
 BEHIND_RATIO = 1.2
 """Depths, against the median, beyond which that weight grows no more. Chosen by inspection."""
 EVEN_LAMBDA = 15.0
@@ -60,7 +59,7 @@ SLOPE_RATIO = 1.8
 """Times as high as within `RAMP` pixels that a slope is within twice as many, a jump not. Chosen by
 inspection."""
 OUTLIER_WINDOW = 0.05
-"""Of the long side: what is around a pixel whose depth may be an outlier. Chosen by inspection."""
+"""Share of the long side around a pixel whose depth may be an outlier. Chosen by inspection."""
 OUTLIER_SHARES = (0.6, 0.95)
 """Shares of sure pixels there below which its depth must be that of the others, and from which on it may be
 any. Chosen by inspection, on the duck's frame 60: its mesh has 4.6 instead of 10.4 % of the grid's
@@ -68,22 +67,24 @@ triangles."""
 OUTLIER = 4.0
 """Levels from the others at which a depth is an outlier. Chosen by inspection."""
 LEAST_NEARNESS = 1e-6
-"""Inverse depth, against the median one, below which what is far is as good as infinitely far. Chosen by
-inspection."""
+"""Inverse depth relative to the median, below which things are nearly at infinity. Chosen by inspection."""
 BORDER = 4
 """Pixels at the border that know too little around them. Chosen by inspection."""
 BEYOND = 0.1
-"""Of the long side, to which depth is found past the border: a disc of a fifth of it reaches so far."""
+"""Share of the long side by which depth reaches past the border, enough for a disc of twice this share."""
 
 
 @dataclass(frozen=True)
 class FusionOptions:
-    """Fusion of frames and the fill where they know nothing. Depths are compared in levels: 1 / `LEVELS` of
-    the range of inverse depths, from the 1st to the 99th percentile."""
+    """Fusion of frames and the fill where they know nothing.
+
+    Depths are compared in levels: 1 / `LEVELS` of the range of inverse depths, from the 1st to the 99th
+    percentile.
+    """
 
     step: int = 4
-    """Every so many-th registered frame helps those around it, the same ones for frames that follow each
-    other: each is found once, and what is unsure does not flicker. Chosen by inspection."""
+    """Registered frames from one key frame to the next. Neighbours share key frames: each is found once, and
+    unsure pixels do not flicker. Chosen by inspection."""
     most_unseen: float = 0.02
     """Share of a frame that no key frame may see, beyond which it is swept itself, as with less than 0 every
     frame is. Chosen by inspection."""
@@ -97,12 +98,17 @@ def fused(
     nearest: Map | None = None,
     level: float | None = None,
 ) -> tuple[Map, Map, float]:
-    """Of k inverse depths (k, h, w) with their weights (k, h, w): one (h, w), the confidence (h, w) in it,
-    and the height of a level, where `level` does not tell it.
+    """Fuse inverse depths of several frames.
 
-    Weights are confidences in [0, 1], and 0 where a frame does not see the place. `nearest` (k, h, w) are the
-    largest inverse depths at which frames would see something there, without bounds where it is None: what
-    is nearer is not contradicted by those that see past it.
+    Args:
+        inverse: (k, h, w).
+        weight: (k, h, w) confidence in [0, 1], 0 where a frame does not see the place.
+        nearest: (k, h, w) largest inverse depth at which each frame would see something there; nearer things
+            are not contradicted by frames that look past them. Unbounded without it.
+        level: Height of a level; estimated without it.
+
+    Returns:
+        Inverse depth (h, w), its confidence (h, w), and the height of a level.
     """
     weight = np.where(weight > 0, weight + np.float32(LEAST_WEIGHT), np.float32(0))
     median, total = inverse.min(axis=0), weight.sum(axis=0)
@@ -134,10 +140,14 @@ def level_of(inverse: Map) -> float:
 
 
 def past_border(stack: list[tuple[Map, Map, Map]], inside: Map, level: float) -> Map:
-    """(h + 2 m, w + 2 m) inverse depth around a frame of which others are sure, NaN elsewhere and within it.
+    """Return the inverse depth (h + 2 m, w + 2 m) around a frame.
 
-    `stack` is what `in_place` tells of the others, with a margin of m pixels; `inside` (h, w) the frame's own
-    inverse depth, and `level` the height of a level.
+    It is NaN where it is unknown, and within the frame.
+
+    Args:
+        stack: `in_place` of other frames, with a margin of m pixels.
+        inside: (h, w) the frame's own inverse depth.
+        level: Height of a level.
     """
     past = np.full(stack[0][0].shape, np.nan, np.float32)
     margin = (past.shape[0] - inside.shape[0]) // 2
@@ -151,7 +161,7 @@ def past_border(stack: list[tuple[Map, Map, Map]], inside: Map, level: float) ->
     )
     inverse, confidence, _ = fused(inverses, weights, nearest, level)
     past.ravel()[at] = np.where(confidence[0] > UNSURE, inverse[0], np.float32(np.nan))
-    # Gaps between what is known are of what lies behind, and what few pixels tell is noise.
+    # Gaps between known pixels belong to the background, and a few single pixels are noise.
     around = np.ones((5, 5), np.uint8)
     known = (~np.isnan(past)).astype(np.uint8)
     known[~outside] = 1
@@ -164,9 +174,11 @@ def past_border(stack: list[tuple[Map, Map, Map]], inside: Map, level: float) ->
 
 
 def without_outliers(picture: Bytes, inverse: Map, confidence: Map, level: float) -> Map:
-    """(h, w) confidence, little where depth is another than that of what is sure around, and little of that
-    or the pixel itself is sure: what is found amid what cannot be found is mostly chance. Where most around
-    is sure, what is as deep as its rim is no chance."""
+    """Return the confidence (h, w) without outliers.
+
+    A depth that differs from sure depths around it, in a region with few of them, is mostly chance. Where
+    most pixels around are sure, a depth equal to that of the rim is kept.
+    """
     own, (low, high) = _own_share(confidence), OUTLIER_SHARES
     sure = (confidence > UNSURE).astype(np.float32)
     share = _mean_around(sure, OUTLIER_WINDOW, BORDER)
@@ -184,16 +196,14 @@ def without_outliers(picture: Bytes, inverse: Map, confidence: Map, level: float
 
 
 def _in_hole(own: Map, window: float) -> Map:
-    """(h, w) how far each pixel has such with depths of their own on most sides, within a window (of the long
-    side)."""
+    """(h, w) how far each pixel is surrounded by known depths, within a window (share of the long side)."""
     low, high = HOLE_SHARE
     share = (_mean_around(own, window, BORDER) - low) / (high - low)
     return np.asarray(np.clip(share, 0, 1), np.float32)
 
 
 def _mean_around(values: Map, window: float, border: int) -> Map:
-    """(h, w) in a square around each pixel, whose side is a share of the long one; but not of those at the
-    border."""
+    """(h, w) mean over a square whose side is a share of the long one, without the border's pixels."""
     around = 2 * (int(window * max(values.shape)) // 2) + 1
     inner = np.zeros(values.shape, np.float32)
     inner[border:-border, border:-border] = 1
@@ -204,11 +214,11 @@ def _mean_around(values: Map, window: float, border: int) -> Map:
 
 
 def filled(picture: Bytes, inverse: Map, confidence: Map, level: float) -> tuple[Map, Mask]:
-    """Inverse depth (h, w) where it is sure, elsewhere extrapolated along a picture's (h, w, 3) surfaces; and
-    where (h, w) the two disagree.
+    """Return inverse depth (h, w) extrapolated from sure pixels, and the pixels (h, w) of disagreement.
 
-    Holes in what is sure get the depth of their rims: what reaches far mixes in other surfaces where the
-    picture's edges are faint. Depths too far apart are two surfaces', and a pixel gets one of them.
+    Extrapolation follows the surfaces of a picture (h, w, 3). Holes in sure depth get the depth of their
+    rims: a longer reach mixes in other surfaces where the picture's edges are faint. Depths too far apart
+    belong to two surfaces, and a pixel gets one of them.
     """
     far, close = (
         _extrapolated(picture, inverse, confidence, reach, BEHIND_POWER)
@@ -223,16 +233,16 @@ def filled(picture: Bytes, inverse: Map, confidence: Map, level: float) -> tuple
 
 
 def _own_share(confidence: Map) -> Map:
-    """(h, w) share that a pixel's own depth has in what it gets."""
+    """(h, w) weight of a pixel's own depth in its result."""
     share = (confidence - UNSURE) / (SURE - UNSURE)
     return np.asarray(np.clip(share, 0, 1), np.float32)
 
 
 def _extrapolated(picture: Bytes, inverse: Map, confidence: Map, reach: float, behind: float) -> Map:
-    """(h, w) the sure inverse depth along a picture's (h, w, 3) surfaces, weighted by depth to the power of
-    `behind`; `reach` is the smoother's lambda.
+    """(h, w) sure inverse depth extended along a picture's (h, w, 3) surfaces.
 
-    Min et al., "Fast global image smoothing based on weighted least squares", 2014.
+    Min et al., "Fast global image smoothing based on weighted least squares", 2014. It is weighted by depth
+    to the power of `behind`; `reach` is the smoother's lambda.
     """
     median = float(np.median(inverse)) or 1.0
     nearness = np.maximum(inverse / median, LEAST_NEARNESS)

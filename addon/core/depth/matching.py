@@ -24,19 +24,19 @@ RIVAL_SHARE = 0.2
 TEXTURE_WINDOW = 9
 """Pixels across the window in which the best level must beat the mean one."""
 LEAST_TEXTURE = 0.4
-"""Grey levels by which the best level must beat the mean there to tell anything."""
+"""Grey levels by which the best level must beat the mean in the window."""
 NO_MATCH = 0.875
-"""Of the truncated mismatch, at which nothing was found at all."""
+"""Share of the truncated mismatch from which there is no match."""
 
 
 @dataclass(frozen=True)
 class Features:
-    """What is known of some pixels beforehand."""
+    """Pixels of known depth."""
 
     inverse_depth: Map
     """(h, w) in 1 / scene units."""
     count: Map
-    """(h, w) how many features tell it, 0 where it is not known."""
+    """(h, w) number of features, 0 in unknown pixels."""
 
     @classmethod
     def none(cls, shape: tuple[int, ...]) -> Features:
@@ -46,7 +46,7 @@ class Features:
 
 @dataclass(frozen=True)
 class Winners:
-    """The level of each pixel with the least sum of costs, and what its confidence follows from."""
+    """The level of each pixel with the least sum of costs, and the measures for its confidence."""
 
     level: Map
     """(h, w) float32 number of the level, with its fraction."""
@@ -59,7 +59,7 @@ class Winners:
 
 
 Matcher = Callable[[Bytes, Sequence[View], Floats, Map, Map], Winners]
-"""`winning_levels`, or what gives the same within half a level: elsewhere than on the processor, say."""
+"""`winning_levels`, or a function with the same result within half a level, such as the GPU's."""
 
 
 def matched_levels(
@@ -69,8 +69,18 @@ def matched_levels(
     features: Features,
     matcher: Matcher,
 ) -> tuple[Map, Map]:
-    """(h, w) level, with its fraction, of a frame (h, w, 4) at inverse depths `levels` (k,), which are evenly
-    apart; and the confidence (h, w) in it, before what the parallax says of it. `matcher` finds it."""
+    """Return the depth level of each pixel and its confidence, before the influence of parallax.
+
+    Args:
+        picture: (h, w, 4) the frame.
+        views: Its neighbours.
+        levels: (k,) inverse depths, evenly spaced.
+        features: Pixels of known depth.
+        matcher: Finds the levels.
+
+    Returns:
+        Level (h, w), with its fraction, and confidence (h, w).
+    """
     guide = np.asarray(cv2.cvtColor(picture[..., :3], cv2.COLOR_RGB2GRAY), np.float32)
     known = _known_levels(features, levels)
     found = matcher(picture, views, levels, guide, known)
@@ -83,10 +93,17 @@ def matched_levels(
 
 
 def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map) -> Winners:
-    """The winners of a frame (h, w, 4), `guide` (h, w) in grey levels, at inverse depths `levels` (k,), where
-    features tell that some pixels are at levels `known` (h, w), NaN elsewhere; found by the processor."""
+    """Find the depth level of each pixel on the processor.
+
+    Args:
+        picture: (h, w, 4) the frame.
+        views: Its neighbours.
+        levels: (k,) inverse depths.
+        guide: (h, w) the frame in grey levels.
+        known: (h, w) level of pixels with features, NaN elsewhere.
+    """
     costs = sweep(picture, views, levels, guide)
-    # What lies past the lens's picture continues what lies within.
+    # Pixels outside of the lens's picture continue those within.
     costs.swapaxes(1, 2)[picture[..., 3] < 255] = 0
     checkpoint(0.5)
     spread = costs.mean(axis=1, dtype=np.float32) - costs.min(axis=1)
@@ -103,8 +120,7 @@ def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide:
 
 
 def _known_levels(features: Features, levels: Floats) -> Map:
-    """(h, w) level of the pixels of features and of those beside, at inverse depths `levels` (k,), NaN of
-    others."""
+    """(h, w) level of features and of the pixels beside them, at inverse depths (k,); NaN elsewhere."""
     row, column = np.nonzero(cv2.dilate(features.count, np.ones((3, 3))))
     total, number = (
         cv2.boxFilter(part, -1, (3, 3), normalize=False)

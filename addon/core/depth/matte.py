@@ -1,4 +1,4 @@
-"""The outline of what moves by itself, at a frame's own size, and the depth that ends there."""
+"""The outline of moving objects at a frame's own size, and their depth up to it."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ VOTES = 2
 """Pixels of the size that depth is found at, within which upsampling may mistake one surface for another: it
 chooses among the four around."""
 GUIDE_RADIUS = 4.0
-"""Pixels of that size: radius of the guided filter that finds the outline in the frame. Of a figure at 1920
-px whose mask is a pixel of 960 uneven, it leaves a fifth to a half of what upsampling by colour puts on the
-wrong side; with 2 it leaves more, with 6 more where colours are alike."""
+"""Radius of the guided filter in pixels of the frame. For a figure at 1920 px whose mask is uneven by a pixel
+of 960, it leaves a fifth to a half of the wrong pixels of upsampling by colour; 2 leaves more, and 6 leaves
+more where colours are alike."""
 GUIDE_EPSILON = 100.0
 """Squared grey levels that count as one surface in that filter: from 30 to 300 it hardly matters there."""
 
@@ -56,11 +56,17 @@ def outline_of(moving: Mask, picture: LinearRGBA) -> Mask:
 def outlined(
     inverse: Floats, found: Map, moving: Mask, picture: LinearRGBA, opacity: Map | None = None
 ) -> Floats:
-    """Inverse depth (H, W), upsampled from what was `found` (h, w), with the outline of what moves (h, w).
+    """Return inverse depth (H, W) with the outline of moving objects.
 
-    A matte (H, W) tells that outline, else the picture (H, W, 4) where it is larger than what was found. What
-    it covers in part has the depth of what moves, what is beside the depth of what stands still: upsampling
-    by colour tells neither of hair, and leaves teeth where a mask is uneven.
+    Partly covered pixels have the depth of the object, those beside it that of the static scene: upsampling
+    by colour fails in hair, and leaves teeth where a mask is uneven.
+
+    Args:
+        inverse: (H, W) upsampled from `found`.
+        found: (h, w) small inverse depth.
+        moving: (h, w) moving pixels.
+        picture: (H, W, 4), which gives the outline where it is larger than `found`.
+        opacity: (H, W) matte, which gives the outline instead.
     """
     if not moving.any() or moving.all():
         return inverse

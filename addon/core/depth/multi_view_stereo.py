@@ -27,12 +27,11 @@ from .sparse import frame_features
 from .view_selection import Neighbour, SelectionOptions, parallaxes, relative_pose, select_source_views
 
 Moving = Callable[[int], Map | Mask | None]
-"""(h, w), at any size, the opacity in [0, 1] of what moves by itself in a source frame; None where nothing is
-known of it."""
+"""Returns the opacity in [0, 1] of moving pixels (h, w) in a source frame, at any size; None if unknown."""
 WIDEST_PARALLAX = 0.1
-"""Of the longer side, by which the scene's depths should move apart in the farthest neighbour."""
+"""Share of the longer side by which the scene's depths should move apart in the farthest neighbour."""
 DEPTH_PARALLAXES = (1.0, 0.6, 0.3)
-"""Of the widest parallax, in the neighbours on either side that the sweep uses."""
+"""Shares of the widest parallax in the neighbours on either side of the frame."""
 LEVEL_STEP = 1.25
 """Pixels in the farthest neighbour between two depth levels."""
 LEAST_PARALLAX = 1.0
@@ -40,27 +39,30 @@ LEAST_PARALLAX = 1.0
 SURE_PARALLAX = 8.0
 """Pixels in the farthest neighbour from which on depth is as sure as its matches."""
 PROBE_PARALLAXES = (0.5, 0.25)
-"""Of the widest parallax, in the coarse sweep that looks for what is nearer than all points."""
+"""Shares of the widest parallax in the coarse sweep for things nearer than all points."""
 PROBE_ZOOM = 4
-"""Times that the pictures of that coarse sweep are smaller."""
+"""Reduction of the coarse sweep's pictures."""
 PROBE_LEVELS = 48
-"""Depth levels of that coarse sweep."""
+"""Depth levels of the coarse sweep."""
 PROBE_REACH = 3.0
 """Times the largest inverse depth of the points, up to which that coarse sweep looks."""
 RANGE_MARGIN = 0.2
-"""Of the points' range of inverse depths, that is searched beyond it."""
+"""Share of the points' range of inverse depths that is searched beyond it."""
 LEAST_POINTS = 8
-"""Points that tell a range of depths."""
+"""Least points for a range of depths."""
 MANY_POINTS = 100
-"""Points of the frame's own that tell its range without those of other frames."""
+"""Points in the frame from which its range does not need those of other frames."""
 BLIND_PARALLAX = 0.3
-"""Of the width, that the nearest thing moves in the farthest frame where no points are."""
+"""Share of the width by which the nearest thing moves in the farthest frame, without points."""
 
 
 @dataclass(frozen=True)
 class StereoOptions:
-    """Dense depth of a single frame. Set by eye, then judged together on the scenes with true depth by
-    `python -m benchmarks.accuracy.dense_depth`."""
+    """Options of the dense depth of a single frame.
+
+    All constants here were chosen by inspection, and then judged together on the scenes with true depth
+    (`python -m benchmarks.accuracy.dense_depth`).
+    """
 
     long_side: int = 960
     """Pixels of the longer side that is worked at. Past it, time and memory grow and a blur gains little."""
@@ -72,8 +74,11 @@ class StereoOptions:
     """How the neighbours are chosen."""
 
     def of_photos(self) -> StereoOptions:
-        """The same for photos in no order. Where they stand far apart, a level is a step of many pixels and
-        what is nearer than all points is found by chance: kermit (real data) has no depth otherwise."""
+        """Return the options for unordered photos.
+
+        Where they stand far apart, a level is a step of many pixels, and things nearer than all points are
+        found by chance: kermit (real data) has no depth otherwise.
+        """
         levels = self.levels[0], PHOTO_LEVELS
         return replace(
             self, levels=levels, probe_share=1.0, selection=replace(self.selection, frame_penalty=0.0)
@@ -83,13 +88,13 @@ class StereoOptions:
 MASKED = 85
 """Fourth channel of a picture in moving pixels: seen, but no depth comes from them."""
 KEPT_PICTURES = 128 << 20
-"""Bytes of pictures that are remembered: 64 of 960x540 pixels, or all of a clip at a third of that size."""
+"""Bytes of remembered pictures: 64 of 960x540 pixels, or all of a clip at a third of this size."""
 KEPT_SPANS = 64
 """Frames whose range of depths and possible source views are remembered."""
 PHOTO_LEVELS = 160
 """Largest number of depth levels of photos. By eye."""
 COARSE = StereoOptions(long_side=320)
-"""Options where only what moves is asked for: a third of the size, by eye."""
+"""Options for the coarse depth of the static scene: a third of the size. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
@@ -123,10 +128,15 @@ class PlaneSweepStereo:
         unseen: Moving | None = None,
         matcher: Matcher = winning_levels,
     ) -> None:
-        """`read` gives a frame's picture as `Footage.read` does; `mask` its known moving pixels.
+        """Prepare the depth of a clip's frames.
 
-        `mask` is asked for of frames that are swept, and of some around; where it takes long to find,
-        `unseen` may tell less of it in their many source views. `matcher` finds the levels of pixels.
+        Args:
+            reconstruction: Solve of the clip.
+            read: Returns a frame's picture as `Footage.read` does.
+            options: Size and levels.
+            mask: Moving pixels of swept frames.
+            unseen: Moving pixels of source views, where `mask` is too slow for these.
+            matcher: Finds the depth levels.
         """
         options = options if reconstruction.is_ordered else options.of_photos()
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
@@ -187,8 +197,10 @@ class PlaneSweepStereo:
         return self._canvas(self._rec.image_at(frame)[0])
 
     def prefetch(self, frames: list[int]) -> None:
-        """Read what the depth of frames is found from, in the order of the clip: a video that is read to and
-        fro is decoded again and again. Errors as `at`."""
+        """Read the pictures for the depth of frames in the order of the clip.
+
+        A video read back and forth is decoded again and again. Errors as of `at`.
+        """
         wanted = dict[int, Image]()
         for frame in frames:
             image, _ = self._rec.image_at(frame)
@@ -232,8 +244,10 @@ class PlaneSweepStereo:
         return self.on_canvas(image, self._mask(image.frame) if self._mask else None)
 
     def on_canvas(self, image: Image, mask: Map | Mask | None) -> Mask:
-        """(h, w) of the canvas, what a mask (H, W) over the source frame shows, be it ever so little of a
-        pixel: none of its colour is to be taken for what lies behind."""
+        """Return the pixels (h, w) of the canvas that a mask (H, W) over the source frame touches.
+
+        Even slightly covered pixels count, as none of their colour may be taken for the background.
+        """
         canvas = self._canvas(image)
         if mask is None:
             return np.zeros((canvas.pinhole.height, canvas.pinhole.width), bool)
@@ -262,7 +276,7 @@ class PlaneSweepStereo:
             return 0.0, nearest / far if np.isfinite(far) and far > 0 else 1.0
         low, high = np.percentile(1 / local[inside, 2], [0.5, 99.5])
         spare = RANGE_MARGIN * max(high - low, 0.01 * high)
-        # What is infinitely far has no points: nothing tells how far it is but that it moves least.
+        # Points at infinity do not exist, so the far end is open.
         low = 0.0 if low < 0.35 * high else low - spare
         return float(low), float(high + spare)
 

@@ -1,7 +1,7 @@
-"""Points of a camera that stays in its place, as far away as depth maps say.
+"""Points of a camera that stays in its place, at the distances of depth maps.
 
-Such a clip tells no depth, so nothing but the maps themselves tells what they hold: a plane is linear over
-the picture in inverse depth, and in nothing else.
+Such a clip has no parallax, so the kind of the maps follows from the maps alone: a plane is linear over the
+picture in inverse depth only.
 """
 
 from __future__ import annotations
@@ -22,22 +22,26 @@ FRAMES = 40
 JUDGED = 5
 """Frames by which it is judged what the maps hold. Chosen by inspection."""
 REACH = 32
-"""Of the long side, how far apart the three pixels are that are to be on a line: beyond a map's noise."""
+"""Distance of the three pixels that should lie on a line, as a share of the long side: more than a map's
+noise."""
 STRAIGHTEST = 10.0
-"""Percentile of all such threes by which a map is judged. Of 16, 32 and 64 with 10, 20 and 30 these tell most
-of 27 maps right, 26: of the bench's scenes, true and as a network has them, and of a sensor in a room."""
+"""Percentile of all such triples by which a map is judged. Among distances of 16, 32 and 64 with 10, 20 and
+30, these recognise most of 27 maps, 26: of the bench's scenes, true and from a network, and from a sensor in
+a room."""
 ROUNDS = 4
 """Times that points and the maps' scales are found from each other."""
 FARTHEST = 0.01
-"""Of the median inverse distance: the least that a point may have. Chosen by inspection."""
+"""Least inverse distance of a point, relative to the median. Chosen by inspection."""
 
 
 def placed(reconstruction: Reconstruction, maps: DepthMaps) -> Reconstruction:
-    """A reconstruction whose cameras stand in one place, its points at the distances of maps.
+    """Return a reconstruction with cameras in one place and points at the distances of maps.
 
-    Maps of depth tell them in their own unit, such as metres, maps of inverse depth up to a factor: then the
-    median distance is `MEDIAN_DEPTH`. A point that no map knows is that far away, too. UserError where the
-    maps know none, or cannot be read.
+    Maps of depth have their own unit, such as metres. Maps of inverse depth have an unknown factor: the
+    median distance becomes `MEDIAN_DEPTH`, as does that of points without a map.
+
+    Raises:
+        UserError: No point has a distance, or a map cannot be read.
     """
     frames = sorted(set(maps.frames) & {image.frame for image in reconstruction.images})
     if not frames:
@@ -84,7 +88,7 @@ def _evenly(frames: list[int], count: int) -> list[int]:
 
 
 def _slant(reconstruction: Reconstruction, image: Image) -> Floats:
-    """(n,) distance over depth of what a frame sees."""
+    """(n,) ratio of distance to depth of a frame's points."""
     local = image.to_camera(reconstruction.points.xyz[image.points])
     return np.asarray(np.linalg.norm(local, axis=1) / local[:, 2])
 
@@ -92,8 +96,10 @@ def _slant(reconstruction: Reconstruction, image: Image) -> Floats:
 def _near(
     point: Ints, frame: Indices, inverse: Floats, one: Floats, count: int, drifts: bool
 ) -> tuple[Floats, Mask]:
-    """(count,) inverse distance of points, and which are known, of observations (m,) of it in maps whose
-    scale and shift drift from frame to frame, or not. `one` (m,) is what a shift of 1 does to it."""
+    """(count,) inverse distances of points, and the known ones, from observations (m,) in maps.
+
+    Scale and shift of the maps drift from frame to frame or not; `one` (m,) is the effect of a shift by 1.
+    """
     views = np.bincount(point, minlength=count)
     frames = int(frame.max()) + 1
     scale, shift = np.ones(frames), np.zeros(frames)
@@ -116,14 +122,13 @@ def _near(
         safe = np.where(good, determinant, 1.0)
         scale = np.where(good, (sums[2] * sums[3] - sums[1] * sums[4]) / safe, scale)
         shift = np.where(good, (sums[0] * sums[4] - sums[1] * sums[3]) / safe, shift)
-        # Nothing tells scale and shift of all of them together.
+        # Scale and shift of all maps together are undetermined.
         scale, shift = scale / np.median(scale), shift - np.median(shift)
     return near, views > 0
 
 
 def _hold_depth(maps: DepthMaps, frames: list[int]) -> bool:
-    """Whether maps hold depth rather than inverse depth, by which of them is more often linear over the
-    picture."""
+    """Return whether maps hold depth: whether depth is linear over the picture more often."""
     maps_of = [_positive(maps, each) for each in frames]
     bent = np.array([[_bend(values), _bend(1 / values)] for values in maps_of])
     return bool(np.median(bent[:, 1]) <= np.median(bent[:, 0]))

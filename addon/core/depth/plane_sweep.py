@@ -31,7 +31,7 @@ GUIDE_RADIUS = 2
 GUIDE_EPSILON = 30.0
 """Squared grey levels that count as one surface in that guided filter."""
 FAR_PREFERENCE = 0.1
-"""Grey levels by which the farthest is preferred to the nearest: what is plain is often sky."""
+"""Grey levels by which the farthest level is preferred to the nearest: plain areas are often sky."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class View:
     infinite_homography: Floats
     """(3, 3) K' R K^-1: from the frame's pixels to the neighbour's, of the plane infinitely far."""
     parallax_term: Floats
-    """(3, 3) K' t n^T K^-1: what each unit of inverse depth adds to the homography, towards the epipole."""
+    """(3, 3) K' t n^T K^-1: change of the homography for each unit of inverse depth, towards the epipole."""
     side: int
     """-1 or 1: neighbours of one side see past a silhouette together."""
 
@@ -77,8 +77,10 @@ class View:
         )  # fmt: skip
 
     def exposed_as(self, reference: Bytes, inverse: float) -> View:
-        """This view with its channels as bright as the frame's (h, w, 4), in the median of what both see at
-        one inverse depth."""
+        """Return this view with the brightness of the frame (h, w, 4) in each channel.
+
+        The factor is the median over the pixels that both see at one inverse depth.
+        """
         seen = self.warped(inverse, reference.shape[1], reference.shape[0])
         here, there = (small_picture(picture, 8) for picture in (reference, seen))
         both = (here[..., 3] == 255) & (there[..., 3] == 255)
@@ -98,19 +100,24 @@ def _scaling(across: float, down: float) -> Floats:
 
 
 def sweep(reference: Bytes, views: Sequence[View], levels: Floats, guide: Map) -> Costs:
-    """(h, k, w) mismatch of a frame (h, w, 4) at inverse depths (k,), in `STEPS` of a grey level; `guide` (h,
-    w) is the frame in grey levels.
+    """Return the mismatch (h, k, w) of a frame at inverse depths, in `STEPS` of a grey level.
 
-    Means over the neighbours of each side, gathered by a guided filter, and the better side counts: a surface
-    at a silhouette is hidden from one side only (Kang, Szeliski and Chai, "Handling occlusions in dense
-    multi-view stereo", 2001; Hosni et al., "Fast cost-volume filtering", 2013).
+    Costs are means over the neighbours of each side, gathered by a guided filter, and the better side counts:
+    a surface at a silhouette is hidden from one side only (Kang, Szeliski and Chai, "Handling occlusions in
+    dense multi-view stereo", 2001; Hosni et al., "Fast cost-volume filtering", 2013).
+
+    Args:
+        reference: (h, w, 4) the frame.
+        views: Its neighbours.
+        levels: (k,) inverse depths.
+        guide: (h, w) the frame in grey levels.
     """
     height, width = guide.shape
     costs = np.empty((height, len(levels), width), np.uint16)
-    # Every level of every pixel: levels around what half of the size tells, with neighbours' and second best
+    # Every level of every pixel: levels around the result at half the size, with neighbours' and second best
     # ones, took 0.7 of the time, and lost bars of 2 to 6 pixels and 0.2 to 0.3 dB of walk. A window that
     # gathers costs wants one level for all of its pixels.
-    # What is found does not depend on their number.
+    # The result does not depend on their number.
     workers = threads()
 
     @in_this_scope
@@ -134,8 +141,10 @@ def _mismatch(
     gather: Callable[[Map], Map],
     room: Bytes,
 ) -> Costs:
-    """(h, w) gathered mismatch of a frame (h, w, 4) at one inverse depth with the neighbours of the better
-    side, `UNSEEN` where none sees all around; `room` (2, h, w, 4) is written to."""
+    """(h, w) gathered mismatch of a frame (h, w, 4) with the neighbours of the better side.
+
+    It is `UNSEEN` where no neighbour sees all around; `room` (2, h, w, 4) is written to.
+    """
     height, width = reference.shape[:2]
     best, hidden = None, None
     # A guided filter averages twice over its radius.
@@ -159,17 +168,17 @@ def _mismatch(
         best = cost if best is None else cv2.min(best, cost)
         around = cv2.dilate(unseen, window, borderValue=0)
         hidden = around if hidden is None else cv2.bitwise_and(hidden, around)
-    # What overshoots below nothing is nothing.
+    # Negative values of the filter become 0.
     found = np.asarray(cv2.add(best, 0, dtype=cv2.CV_16U), np.uint16)  # type: ignore[call-overload]
     found[np.asarray(hidden) > 0] = UNSEEN
     return found
 
 
 def _finished(costs: Costs, preferred: Costs) -> Costs:
-    """Costs (h, k, w), the least of a pixel in place of `UNSEEN`, and to each level (k,) what it costs more
-    than the farthest.
+    """Costs (h, k, w) with `UNSEEN` replaced, plus the preference (k,) for far levels.
 
-    A depth at which no neighbour sees the place has nothing for it, and nothing against it.
+    A depth at which no neighbour sees the place gets the least cost of the pixel: there is no evidence
+    against it.
     """
     for row in costs:
         unseen = row == UNSEEN

@@ -16,12 +16,21 @@ from .view_selection import relative_pose
 def in_place(
     depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, margin: int, border: int
 ) -> tuple[Map, Map, Map]:
-    """(h + 2 m, w + 2 m) inverse depth of a frame as another one, `here` with its `lens`, has it in its
-    picture and a `margin` of m pixels around; its weight, 0 where the frame sees nothing; and the largest
-    inverse depth at which the frame would see something there.
+    """Reproject a frame's depth into another frame.
 
-    Of what falls into a pixel it is the nearest. Weights are confidences, next to nothing in `border` pixels
-    at the frame's own border.
+    The nearest of several values in a pixel counts.
+
+    Args:
+        depth: The frame's depth.
+        image: The frame.
+        camera: Pinhole of the other frame.
+        here: The other frame.
+        margin: m pixels around its picture.
+        border: Pixels at the frame's own border with hardly any weight.
+
+    Returns:
+        (h + 2 m, w + 2 m) inverse depth; its weight, the confidence, 0 in unseen pixels; and the largest
+            inverse depth at which the frame would see something there.
     """
     if image.frame == here.frame:
         inverse, weight = (np.pad(part, margin) for part in (depth.inverse_depth, _weight(depth, border)))
@@ -34,11 +43,11 @@ def in_place(
 
 
 def _nearest_seen(depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, border: int) -> Map:
-    """(h, w) the largest inverse depth at which another frame would see what a frame's pixels show.
+    """(h, w) largest inverse depth at which another frame sees the rays of a frame's pixels.
 
-    Nearer, it would be past its picture, less `border` pixels, or behind its camera: such a frame sees what
-    lies behind, and tells nothing of what stands before that. Homogeneous places are linear in inverse depth,
-    and so are the sides of the picture that they are on.
+    Nearer things are past its picture, less `border` pixels, or behind its camera: it sees the background,
+    and has no evidence about them. Homogeneous places, and the sides of the picture, are linear in inverse
+    depth.
     """
     rotation, translation = relative_pose(here, image)
     there = pixel_matrix(depth.pinhole)
@@ -68,8 +77,10 @@ def _weight(depth: DenseDepth, border: int) -> Map:
 def _reprojected(
     depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, border: int
 ) -> tuple[Map, Map]:
-    """(h, w) inverse depth of another frame in a frame's place, the nearest of what falls into a pixel, and
-    the confidence in it, 0 where nothing does."""
+    """(h, w) inverse depth of another frame in a frame's pixels, the nearest one, and its confidence.
+
+    Confidence is 0 in empty pixels.
+    """
     rotation, translation = relative_pose(image, here)
     back = np.linalg.inv(pixel_matrix(depth.pinhole))
     matrix, parallax = pixel_matrix(camera) @ rotation @ back, pixel_matrix(camera) @ translation

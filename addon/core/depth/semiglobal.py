@@ -73,8 +73,7 @@ def _add_transposed(plane: Costs, other: Costs) -> None:
 
 
 def _both_ways(costs: Costs, guide: Map, total: Costs) -> None:
-    """Costs (h, k, w) summed along the columns of a grey picture (h, w), downwards and upwards, into `total`
-    (h, k, w)."""
+    """Add costs (h, k, w), summed along the columns of a grey picture (h, w) both ways, to `total`."""
     p1 = np.uint16(np.rint(STEPS * P1))
     p2 = P2 / (1 + np.abs(np.diff(guide, axis=0)) / P2_HALVED_AT)
     p2 = np.rint(STEPS * np.maximum(p2, 1.1 * P1)).astype(np.uint16)
@@ -116,10 +115,10 @@ def lowest(costs: Costs) -> Indices:
 
 
 def best_levels(costs: Costs) -> tuple[Indices, Map]:
-    """(h, w) best level of costs (h, k, w), but for the first and the last, and the same with its fraction.
+    """Return the best level (h, w) of costs (h, k, w), without the first and last, and its fraction.
 
-    Of costs that are sums of differences the minimum is a corner: two lines of opposite slopes meet there
-    (Shimizu and Okutomi, "Precise sub-pixel estimation on area-based matching", 2001).
+    The minimum of sums of differences is a corner where two lines of opposite slopes meet (Shimizu and
+    Okutomi, "Precise sub-pixel estimation on area-based matching", 2001).
     """
     best = np.clip(lowest(costs), 1, costs.shape[1] - 2)
     before, at, after = (

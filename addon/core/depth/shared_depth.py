@@ -33,9 +33,9 @@ def found_once(
     pinhole: Pinhole,
     find: Callable[[int], DenseDepth],
 ) -> dict[int, DenseDepth]:
-    """The depth of frames, of one of the store's kinds: as it is kept, else found, and the same either way.
+    """Return the depth of frames of one of the store's kinds, kept or found.
 
-    What another process is finding is left to it: see `DepthStore.made`.
+    Frames that another process is working on are left to it; see `DepthStore.made`.
     """
 
     def made(frame: int) -> DenseDepth:

@@ -1,4 +1,4 @@
-"""Depth of every pixel of a frame, whoever knows it."""
+"""The interface of all sources of a frame's depth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .sparse import DepthSamples
 SURE = 0.1
 """Confidence in [0, 1] from which on a pixel's depth is known: chosen by inspection."""
 FAINTEST = 0.04
-"""Opacity up to which a matte says nothing: about what JPEG leaves around white things. Chosen by
+"""Opacity up to which a pixel of a matte is empty: the noise of JPEG around white things. Chosen by
 inspection."""
 NO_PICTURE: LinearRGBA = np.zeros((0, 0, 4), np.float32)
 """Instead of a picture, where only the geometry is asked for."""
@@ -37,15 +37,19 @@ class PixelDepth:
     origin: str = "depth that is given"
     """Where it comes from, for people."""
     opacity: Map | None = None
-    """(H, W) in [0, 1] of what a matte says moves by itself, as which all above `FAINTEST` has the depth of
-    that: how much of a pixel it covers, before what lies behind; None without a matte."""
+    """(H, W) opacity in [0, 1] of moving objects by a matte, in front of the background; None without a
+    matte. Pixels above `FAINTEST` have the depth of the object."""
     behind: Map | None = None
     """(H, W) inverse depth of the farther surface that other frames know behind each pixel, NaN where they do
     not; None where nothing was looked for."""
 
     def at_places(self, places: Floats, canvas: Canvas) -> tuple[Floats, Floats, Mask]:
-        """Inverse depth (n,), confidence (n,) in [0, 1] and whether it moves by itself (n,), of the pixels
-        that hold places (n, 2) in pixels of the canvas; of places past the border those at it."""
+        """Return inverse depth (n,), confidence (n,) in [0, 1], and whether a place moves (n,).
+
+        Args:
+            places: (n, 2) in pixels of the canvas; places past the border have the values at it.
+            canvas: That of the frame.
+        """
         size = np.array([canvas.pinhole.width, canvas.pinhole.height])
 
         def of[T: np.generic](raster: NDArray[T]) -> NDArray[T]:
@@ -59,10 +63,10 @@ class PixelDepth:
 
 
 def extended(values: Floats | Map, past_border: Map | None, margin: int) -> Map:
-    """(H + 2 margin, W + 2 margin) float32: what is known of each pixel (H, W), and `margin` pixels around.
+    """Return values (H, W) with a margin around them, (H + 2 margin, W + 2 margin) float32.
 
-    There it is what `past_border` (H + 2 m, W + 2 m) tells, whatever m is; where that is NaN, or ends, the
-    value of the nearest pixel.
+    The margin comes from `past_border` (H + 2 m, W + 2 m), for any m; where it is NaN or ends, from the
+    nearest pixel.
     """
     wide = np.pad(np.asarray(values, np.float32), margin, mode="edge")
     if past_border is not None:
@@ -87,18 +91,21 @@ class DepthSource(Protocol):
     """
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
-        """The depth of all pixels of the canvas, or None where nothing is known of the frame.
+        """Return the depth of all pixels of a canvas; None if nothing is known of the frame.
 
-        `picture` (H, W, 4) is what the canvas shows, linear: edges that a coarser depth map may follow. With
-        `NO_PICTURE` the depth may have the size at which it is known instead of the canvas's.
+        Args:
+            frame: Number of the frame.
+            canvas: That of the frame.
+            picture: (H, W, 4) linear, shown by the canvas; a coarse depth map may follow its edges. With
+                `NO_PICTURE` the depth may have its own size.
         """
 
     def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
-        """What `at` tells with `NO_PICTURE`, as far as nothing has to be computed for it first; else None."""
+        """Return `at` with `NO_PICTURE` if it needs no computation; else None."""
         return self.at(frame, canvas, NO_PICTURE)
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
-        """Samples of the depth for coarse meshes; None where the source has none of its own."""
+        """Return samples of the depth for coarse meshes; None if the source has none."""
         return None
 
 
@@ -114,7 +121,7 @@ class FirstKnown(DepthSource):
         return next((depth for depth in found if depth is not None), None)
 
     def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
-        """What the first source knows that need not compute anything for it, else None."""
+        """Return `kept` of the first source that has it, else None."""
         found = (source.kept(frame, canvas) for source in self.sources)
         return next((depth for depth in found if depth is not None), None)
 

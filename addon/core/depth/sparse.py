@@ -25,7 +25,7 @@ class DepthSamples:
     inverse_depth: Floats
     """(n,) 1 / z in the frame's camera, in the reconstruction's unit, positive."""
     pose_interpolated: bool
-    """Whether the frame has no pose of its own: pose and samples come from its neighbours."""
+    """True if the frame has no pose: pose and samples come from its neighbours."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from .sparse import FrameFeatures, frame_features
 
 @dataclass(frozen=True)
 class SparseDepth(DepthSource):
-    """Samples for coarse meshes; points tell nothing of the pixels between them."""
+    """Samples for coarse meshes from feature points; pixels between them are unknown."""
 
     reconstruction: Reconstruction
 

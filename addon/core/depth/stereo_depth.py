@@ -25,13 +25,15 @@ class StereoDepth(DepthSource):
 
     fusion: TemporalFusion
     better: TemporalFusion | None = None
-    """Of a better quality: what it has kept is taken instead."""
+    """Depth of a better quality, used where it is kept."""
     masks: Moving | None = None
-    """The opacity of what is said to move by itself."""
+    """Opacity of moving pixels by masks."""
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
-        """The depth of all pixels of the canvas that shows `picture` (H, W, 4); at the size that it is found
-        at where that is `NO_PICTURE`."""
+        """Return the depth of all pixels of the canvas that shows `picture` (H, W, 4).
+
+        With `NO_PICTURE` it has the size at which depth is found.
+        """
         return self.whole(self.found(frame), frame, canvas, picture)
 
     def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
@@ -45,7 +47,7 @@ class StereoDepth(DepthSource):
         return better or self.fusion.at(frame)
 
     def found_before(self, frame: int) -> DenseDepth | None:
-        """The same where it is kept, else None."""
+        """Return the kept depth of a frame; None without one."""
         better = self.better.kept(frame) if self.better else None
         return better or self.fusion.kept(frame)
 
@@ -56,7 +58,7 @@ class StereoDepth(DepthSource):
 
 
 class NoDepth(DepthSource):
-    """Of a camera that stays in its place: pictures tell nothing."""
+    """Depth for a camera that stays in its place: there is none in the pictures."""
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
         """UserError."""
@@ -73,9 +75,11 @@ class NoDepth(DepthSource):
 def whole_depth(
     depth: DenseDepth, picture: LinearRGBA = NO_PICTURE, opacity: Map | None = None
 ) -> PixelDepth:
-    """Depth found in a smaller picture for every pixel of the canvas picture (H, W, 4), along its edges, and
-    what moves along its outline, which is that of a matte (H, W) where there is one; as it was found where
-    there is no picture."""
+    """Return small depth for every pixel of the canvas picture (H, W, 4), along its edges.
+
+    Moving objects end at their outline, the matte's (H, W) where there is one. Without a picture the depth
+    keeps its size.
+    """
     if not picture.size:
         inverse = depth.inverse_depth.astype(np.float64)
         return PixelDepth(inverse, depth.confidence, depth.moving, depth.past_border, ORIGIN)
@@ -88,8 +92,10 @@ def whole_depth(
 
 
 def _past_border(past: Map, inside: Map, size: tuple[int, int]) -> Map:
-    """(H + 2 M, W + 2 M) of inverse depth past the border (h + 2 m, w + 2 m) of a smaller picture, `inside`
-    (h, w), around one of `size` (W, H): that of the nearest pixel."""
+    """(H + 2 M, W + 2 M) inverse depth past the border of a picture of `size` (W, H).
+
+    It is the nearest pixel's of a smaller picture (h + 2 m, w + 2 m) around `inside` (h, w).
+    """
     margin = (past.shape[0] - inside.shape[0]) // 2
     beyond = int(margin * min(size[0] / inside.shape[1], size[1] / inside.shape[0]))
     at = (

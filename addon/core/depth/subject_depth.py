@@ -43,17 +43,17 @@ def with_subjects(
 ) -> DenseDepth:
     """Give each moving pixel of a frame the depth of its subject.
 
-    A subject that touches the ground in the picture is an upright plane there. It is scaled to the subject's
-    inverse depth where that is known. A subject without contact has its known inverse depth, or else that of
-    its surroundings. Moving pixels of no subject are taken for one in each connected part.
+    A subject that touches the ground in the picture is an upright plane there, scaled to its inverse depth if
+    that is known. A subject without contact has its known inverse depth, or else the one of its surroundings.
+    Each connected part of the other moving pixels is a subject.
 
     Args:
-        static: Depth of the static scene; what it holds in moving pixels is ignored.
-        picture: (h, w, 3) uint8, what the depth is over.
+        static: Depth of the static scene; its values in moving pixels are ignored.
+        picture: (h, w, 3) uint8 of the frame.
         subjects: Mask (h, w) and median inverse depth of each subject. The first one has shared pixels.
 
     Returns:
-        The depth of all pixels. Moving pixels are known only as well as the distance of their subject.
+        The depth of all pixels. Moving pixels have the confidence of their subject's distance.
     """
     if not static.moving.any():
         return static

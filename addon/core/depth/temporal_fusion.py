@@ -56,7 +56,7 @@ class TemporalFusion:
         self._kept, self._subjects = LRUCache[DenseDepth](KEPT_FRAMES), subjects
 
     def at(self, frame: int) -> DenseDepth:
-        """The depth of a frame as it is kept, else found; errors as `PlaneSweepStereo.at`."""
+        """Return the depth of a frame, kept or found. Errors as of `PlaneSweepStereo.at`."""
         return found_once(self._store, "depth", [frame], self._stereo.pinhole, self._found)[frame]
 
     def kept(self, frame: int) -> DenseDepth | None:
@@ -100,7 +100,7 @@ class TemporalFusion:
         checkpoint(1.0)
         inverse = sharpened(even(inverse, level), level, disputed)
         found = self._with_subjects(image.frame, inverse, confidence, picture)
-        # What was filled may have changed the range.
+        # Subjects may have changed the range.
         inverse = without_speckles(found.inverse_depth, level_of(found.inverse_depth))
         past = past_border(stack, inverse, level)
         return replace(found, inverse_depth=inverse, past_border=past)
@@ -121,7 +121,7 @@ class TemporalFusion:
         return with_subjects(static, picture, subjects)
 
     def _in_place(self, depth: DenseDepth, image: Image, here: Image) -> tuple[Map, Map, Map]:
-        """What `in_place` tells of a key frame in a frame's place and past its border."""
+        """`in_place` of a key frame for another frame."""
         checkpoint(1.0)
         pinhole, margin = self._stereo.pinhole(here.frame), self._margin(here.frame)
         return in_place(depth, image, pinhole, here, margin, BORDER)
@@ -132,7 +132,7 @@ class TemporalFusion:
         return max(int(BEYOND * max(pinhole.width, pinhole.height)), 1)
 
     def _around(self, frame: int) -> list[Image]:
-        """The key frames that tell a frame's depth, itself if it is one; the clip's last frame is one."""
+        """The key frames around a frame, itself if it is one; the clip's last frame is one."""
         options, images = self._options, self._rec.images
         step = stride(self._rec, options.step, LEAST_FRAMES)
         at, span = int(np.searchsorted(self._rec.frames, frame)), options.sides * step
@@ -145,7 +145,7 @@ class TemporalFusion:
 
     def _single_frames(self, frames: Sequence[int]) -> list[DenseDepth]:
         """The depth of frames by themselves."""
-        # What is remembered takes no time.
+        # Remembered frames take no time.
         there = {frame: depth for frame in frames if (depth := self._kept.known(frame)) is not None}
         new = [frame for frame in frames if frame not in there]
         pinhole = self._stereo.pinhole

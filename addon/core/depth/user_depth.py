@@ -31,12 +31,12 @@ KEPT_LINES = 64
 """Frames whose own scale and shift are remembered: a few numbers each."""
 
 KEPT_MAPS = 16
-"""Frames whose small maps are remembered, 2 MB each: those that tell what is behind one, and some more."""
+"""Frames whose small maps are remembered, 2 MB each: those for the background of one frame, and some more."""
 BEHIND_STEP, BEHIND_SPAN, LEAST_BEHIND = 8, 32, 8
-"""Of a camera that stays: every so many-th frame, up to so many before and after, or of a short clip so many
-in all, tell what is behind; those that colours of it are from (`FillOptions`)."""
+"""For a camera that stays: step and largest distance of the frames that show the background, and their least
+number in a short clip; its colours come from the same frames (`FillOptions`)."""
 LEAST_AROUND = 3
-"""Of these frames that must see a place. Chosen by inspection."""
+"""Least number of these frames with a depth at a place. Chosen by inspection."""
 LONGEST_BEHIND = 960
 """Pixels of the long side that what is behind is found at: as depth is. Chosen by inspection."""
 
@@ -48,7 +48,7 @@ class UserDepth(DepthSource):
     reconstruction: Reconstruction
     maps: DepthMaps
     fit: ClipFit
-    """What all maps of the clip have in common: their kind, and the line that takes them to inverse depth."""
+    """The kind of all maps of the clip, and the line from them to inverse depth."""
 
     @classmethod
     def of(cls, maps: DepthMaps, reconstruction: Reconstruction) -> UserDepth:
@@ -56,10 +56,13 @@ class UserDepth(DepthSource):
         return cls(reconstruction, maps, fit_clip(maps, partial(_features, reconstruction)))
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
-        """Depth (H, W) of all pixels of the canvas, unknown ones like the nearest known; None without a map.
+        """Return the depth (H, W) of all pixels of the canvas; None without a map.
 
-        UserError where the map cannot be read or does not fit the frame's points. What `picture` shows is not
-        looked at: what the user gave is not bent to its edges.
+        Unknown pixels are like the nearest known one. The map is not aligned with the edges of `picture`: the
+        user's data is not bent.
+
+        Raises:
+            UserError: The map cannot be read, or does not fit the frame's points.
         """
         if frame not in self.maps.numbers:
             return None
@@ -68,8 +71,10 @@ class UserDepth(DepthSource):
         return PixelDepth(inverse, origin="your depth maps", behind=behind)
 
     def _at_places(self, whole: Map, canvas: Canvas, places: Floats) -> Floats:
-        """(H, W) inverse depth of a frame's map `whole` (h, w), at any size, at places (H, W, 2) in pixels of
-        its canvas; of those past the border that at it."""
+        """(H, W) inverse depth of a frame's map (h, w), of any size, at places (H, W, 2) in canvas pixels.
+
+        Places past the border have the value at the border.
+        """
         x, y = np.moveaxis(canvas.features_to_source(places), -1, 0)
         zoom = np.array(whole.shape) / [canvas.camera.height, canvas.camera.width]
         row, column = (
@@ -82,19 +87,22 @@ class UserDepth(DepthSource):
         """(h, w) a frame's fitted map, what is unknown like the nearest known; errors as of `at`."""
         values = self._fitted(frame).inverse_depth
         whole = np.nan_to_num(nearest(values, ~np.isnan(values))).astype(np.float32)
-        # Of a camera that stays there is no stereo that knows the map's edges better.
+        # For a camera that stays, no stereo has better edges than the map.
         return stepped(whole, level_of(whole)) if self.reconstruction.stays else whole
 
     def _small(self, frame: int) -> Map:
-        """(h, w) what is `_without_holes`, no larger than what is behind is found at."""
+        """`_without_holes` (h, w) at the size of the background's search."""
         whole = self._without_holes(frame)
         zoom = min(1.0, LONGEST_BEHIND / max(whole.shape))
         size = round(zoom * whole.shape[1]), round(zoom * whole.shape[0])
         return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_NEAREST))
 
     def _behind(self, frame: int, canvas: Canvas) -> Map:
-        """(H, W) inverse depth of what stands still in a canvas: the median of what maps of frames around,
-        which look from the same place, have there; NaN where fewer than `LEAST_AROUND` do."""
+        """(H, W) inverse depth of the static scene in a canvas.
+
+        It is the median of the maps of frames around it, which have the same viewpoint; NaN where fewer than
+        `LEAST_AROUND` have a value.
+        """
         here, _ = self.reconstruction.image_at(frame)
         pinhole = canvas.pinhole
         # Behind silhouettes pixels of a large picture are not worth their memory.
@@ -116,9 +124,11 @@ class UserDepth(DepthSource):
         return np.asarray(cv2.resize(middle, size, interpolation=cv2.INTER_NEAREST))
 
     def _seen(self, image: Image, rays: Floats) -> Map:
-        """(H, W) inverse depth that a frame's map has along rays (H, W, 3) in its camera space, NaN past its
-        border, or where it cannot be used. It is that along the camera's axis for which the third parts of
-        the rays are 1."""
+        """(H, W) inverse depth of a frame's map along rays (H, W, 3) in its camera space.
+
+        It is relative to the axis on which the rays' third parts are 1; NaN past the border, or without a
+        usable map.
+        """
         canvas = self.reconstruction.canvas(image)
         pinhole, ahead = canvas.pinhole, rays[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):

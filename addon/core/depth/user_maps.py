@@ -1,6 +1,6 @@
-"""The user's own depth maps: found and read as they are stored, or made by a network.
+"""The user's own depth maps, read from files or made by a network.
 
-What they hold, and in which unit, `map_fit` tells.
+`map_fit` finds their kind and unit.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..media.side_files import SideFiles
 from .depth_network import NETWORK, open_network
 
 GREY_TOLERANCE = 0.01
-"""Of the value, by which channels of a grey picture may differ. Chosen by inspection, for lossy files."""
+"""Relative difference between the channels of a gray picture. Chosen by inspection, for lossy files."""
 GREY_STEPS = 2
 """Steps of whole numbers by which channels of a grey picture may differ besides. Chosen by inspection, for
 lossy files."""
@@ -34,9 +34,9 @@ class DepthMap:
     values: Floats
     """(h, w) as stored, NaN where nothing is known; 0 is infinitely far, or nothing in maps of depth."""
     width: int
-    """Pixels of the clip's picture across, which the map covers at whatever size of its own."""
+    """Pixels of the clip's picture across; a map of any size covers all of it."""
     height: int
-    """Pixels of the clip's picture down, which the map covers at whatever size of its own."""
+    """Pixels of the clip's picture down."""
 
     def at(self, xy: Floats) -> Floats:
         """(n,) values at (n, 2) pixels of the clip's picture, from the nearest pixel of the map."""
@@ -68,11 +68,17 @@ class DepthMaps(SideFiles):
 
 
 def open_depth(path: Path, footage: Footage) -> DepthMaps:
-    """Find the depth maps of a clip: a folder, or a pattern such as `depth_####.exr`, of EXR, 16-bit PNG or
-    .npz; or one .npz or .zip of all; or a network, an .onnx, that makes them of the clip's pictures.
+    """Open the depth maps of a clip.
 
-    `side_files.match_frames` tells whose they are. Raises UserError where there are no maps or none fits a
-    frame, or where the network cannot be read, or not run for the first one.
+    `side_files.match_frames` assigns files to frames.
+
+    Args:
+        path: A folder, or a pattern such as `depth_####.exr`, of EXR, 16-bit PNG or .npz; one .npz or .zip of
+            all; or a network (.onnx) that makes them from the clip's pictures.
+        footage: The clip.
+
+    Raises:
+        UserError: There are no maps, none fits a frame, or the network cannot be read or run.
     """
     if path.suffix.lower() == NETWORK:
         maps = DepthMaps(footage, open_network(path, footage), {each: each for each in footage.frames})
@@ -85,8 +91,11 @@ def open_depth(path: Path, footage: Footage) -> DepthMaps:
 
 
 def _values(picture: NDArray[np.generic], name: str) -> Floats:
-    """(h, w) of a gray picture (h, w, 3 or 4) as stored, NaN where it is 0, not finite or transparent; but
-    floats may be 0 where none is less: networks of inverse depth cut what is far."""
+    """(h, w) values of a gray picture (h, w, 3 or 4) as stored, NaN in unknown pixels.
+
+    Unknown are values that are 0, not finite or transparent. Floats may be 0 if none is negative: networks of
+    inverse depth clip far things.
+    """
     colour = np.asarray(picture[..., :3], dtype=np.float64)
     values = colour[..., 0]
     known = np.isfinite(values) & (values != 0)

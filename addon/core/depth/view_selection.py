@@ -1,4 +1,4 @@
-"""Which frames tell most about a frame's depth: chosen by how far the scene's depths move apart in them."""
+"""Choice of source views for a frame's depth, by the parallax of the scene's depths."""
 
 from __future__ import annotations
 
@@ -53,10 +53,10 @@ def stride(reconstruction: Reconstruction, most: int, fewest: int) -> int:
 
 
 def every_nth(reconstruction: Reconstruction, frame: int, step: int, span: int) -> list[Image]:
-    """Every `step`-th registered frame, up to `span` frames before and after a frame, without it.
+    """Return every `step`-th registered frame, up to `span` frames before and after a frame, without it.
 
-    They are counted from the first, so that frames that follow each other get the same ones. Of photos, up to
-    `SPREAD` from the nearest to the farthest that see the same: from both comes what is hidden.
+    They are counted from the first frame, so that neighbours get the same ones. Photos are chosen from the
+    nearest to the farthest with a common view, up to `SPREAD`: both show hidden pixels.
     """
     if not reconstruction.is_ordered:
         ranked = nearest_views(reconstruction, reconstruction.image_at(frame)[0])
@@ -68,11 +68,16 @@ def every_nth(reconstruction: Reconstruction, frame: int, step: int, span: int) 
 
 
 def nearest_views(reconstruction: Reconstruction, image: Image, count: int | None = None) -> list[Image]:
-    """Of photos, all or the `count` nearest to one that share points with it, the nearest first, without it.
+    """Return the photos that share points with one, the nearest first, without it.
 
-    Near by the median of the angles at which the points that both see are seen, times what a picture shares
-    less of them than all: a photo from beside that shows the same tells more than one that looks elsewhere.
-    Without points by the distance of their cameras.
+    Distance is the median angle between the rays to shared points, times the missing share of the picture: a
+    photo from beside with the same view is better than one that looks elsewhere. Without points it is the
+    distance of the cameras.
+
+    Args:
+        reconstruction: The photos.
+        image: One of them.
+        count: Number of photos; all without it.
     """
     ranked = []
     for other in reconstruction.images:
@@ -105,11 +110,11 @@ def parallaxes(
         camera: Its pinhole.
         others: Other frames with their pinholes.
         span: Least and largest inverse depth, in 1 / scene units.
-        options: What excludes a frame.
+        options: Limits of the choice.
 
     Returns:
-        Those of the others that see enough of the same, each with the median distance in pixels between the
-        places of both ends of `span`.
+        The frames with enough overlap, each with the median distance in pixels between the places of both
+            ends of `span`.
     """
     share = np.linspace(0.1, 0.9, 5)
     grid = np.stack(np.meshgrid(share * camera.width, share * camera.height), axis=-1).reshape(-1, 2)
@@ -151,8 +156,10 @@ def _parallax(
     span: tuple[float, float],
     options: SelectionOptions,
 ) -> float | None:
-    """Median over rays (n, 3) of the distance in another frame's pixels between their places at both ends of
-    a span of inverse depths; None where that frame sees too little of the same."""
+    """Median distance over rays (n, 3), in another frame's pixels, between both ends of a span.
+
+    The span is of inverse depths. None if the overlap is too small.
+    """
     rotation, translation = relative_pose(image, other)
     far, near, middle = (rays @ rotation.T + inverse * translation for inverse in (*span, sum(span) / 2))
     nearest = min(places[:, 2].min() for places in (far, near, middle))

@@ -1,1 +1,1 @@
-"""What is in focus: picking, following what moves, pulling from mark to mark; a `Focus` value comes out."""
+"""Focus: picks, moving subjects, and pulls between marks; the result is a `Focus`."""

@@ -1,4 +1,4 @@
-"""What is put in focus before anybody has picked anything: the nearest large object near the centre."""
+"""Default focus before a pick: the nearest large object near the centre."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from .picking import pick_features
 from .place import Place
 
 WINDOW = 0.6
-"""Of the picture's width and height, around its middle, where the thing is looked for. Chosen by
-inspection."""
+"""Share of the picture's width and height, around its middle, that is searched. Chosen by inspection."""
 CELLS = 12
-"""Cells along each side of that window: a cell counts once, however many features its texture has."""
+"""Cells along each side of the window; a cell counts once, however many features it has."""
 LARGE = 0.15
 """Share of the window's cells with features that a thing must have. Chosen by inspection."""
 THICK = 0.12
@@ -23,8 +22,10 @@ THICK = 0.12
 
 
 def first_place(reconstruction: Reconstruction, frame: int) -> Place | None:
-    """The nearest large thing round the middle of a frame, focused through feature points on it; None where
-    the frame shows too few features."""
+    """Return the nearest large thing near the middle of a frame, focused through its feature points.
+
+    None where the frame shows too few features.
+    """
     image, _ = reconstruction.image_at(frame)
     canvas = reconstruction.canvas(image)
     features = frame_features(reconstruction, frame, canvas)
@@ -48,8 +49,7 @@ def first_place(reconstruction: Reconstruction, frame: int) -> Place | None:
 
 
 def _nearest_large(xy: Floats, inverse: Floats) -> Ints:
-    """Rows of the features (n, 2), of inverse depth (n,), that are on the nearest thing that is large; on the
-    largest, where none is."""
+    """Rows of the features (n, 2), of inverse depth (n,), on the nearest large thing, or the largest."""
     cells = (np.clip((xy - 0.5) / WINDOW + 0.5, 0, 1 - 1e-9) * CELLS).astype(int) @ [1, CELLS]
     order = np.argsort(-inverse, kind="stable")
     # Nearest first, inverse depths fall: a thing is a run of them.
@@ -60,7 +60,7 @@ def _nearest_large(xy: Floats, inverse: Floats) -> Ints:
     ]
     large = np.flatnonzero(np.array(shares) >= LARGE)
     start = int(large[0]) if len(large) else int(np.argmax(shares))
-    # The run may begin with a few stray points before it: the one that has most of what it overlaps.
+    # A run may begin with stray points in front of the object: take the run with most overlap.
     rivals = np.arange(start, ends[start])
     start = int(rivals[np.argmax(np.array(shares)[rivals])])
     return np.asarray(order[start : ends[start]])

@@ -1,4 +1,4 @@
-"""What is in focus, and how large an aperture blurs the rest of a frame by how much."""
+"""The focal plane, and the aperture that gives a wanted blur."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from ..optics.thin_lens import ThinLens
 FEWEST_IN_PLANE = 3
 """Points in focus that make a plane."""
 NEAREST = 0.01
-"""Of the distance of the nearest things: focused nearer, all blur discs are equal within 1 %."""
+"""Share of the distance of the nearest things; at a nearer focus all blur discs are equal within 1 %."""
 COLLINEAR = 1e-3
-"""Of the extent of points in focus: a plane through points that lie closer to a line is none. Chosen by
+"""Share of the extent of the points in focus; points closer to a line define no plane. Chosen by
 inspection."""
 IN_PLANE = 1e-6
-"""Of the distance of points in focus: a camera that is closer to their plane sees it as a line. Chosen by
+"""Share of the distance of the points in focus; a camera closer to their plane sees it as a line. Chosen by
 inspection."""
 
 
 @dataclass(frozen=True)
 class Focus:
-    """What is in focus: 3D points that are followed through the clip, or a constant distance."""
+    """The thing in focus: 3D points that are followed through the clip, or a constant distance."""
 
     points: tuple[int, ...] = ()
     distance: float | None = None
@@ -41,7 +41,7 @@ class Focus:
 
     @property
     def is_tilted(self) -> bool:
-        """Whether the focal plane need not be parallel to the picture."""
+        """Return whether the focal plane can be tilted against the picture."""
         return bool(self.through_points and self.points) or self.tilt != 0 or self.swing != 0
 
     def lens(
@@ -66,8 +66,10 @@ class Focus:
     def _plane_through_points(
         self, reconstruction: Reconstruction, frame: int, pinhole: Intrinsics
     ) -> tuple[float, tuple[float, float]]:
-        """Inverse depth on the optical axis and its slope a pixel, of the plane with the least sum of squared
-        distances to the points: the same one in all frames."""
+        """Inverse depth on the optical axis, and its slope a pixel, of the plane that fits the points best.
+
+        The fit is by least squares; all frames have the same plane.
+        """
         if len(self.points) < FEWEST_IN_PLANE:
             raise UserError(
                 f"a focal plane through points takes {FEWEST_IN_PLANE} or more; {len(self.points)} are picked"
@@ -131,10 +133,10 @@ def check_distance(reconstruction: Reconstruction, distance: float, name: str) -
     Args:
         reconstruction: Solve of the clip.
         distance: Depth along the optical axis, in scene units.
-        name: What the interface calls the distance.
+        name: Name of the distance in the interface.
 
     Raises:
-        UserError: if the distance is nearer than `NEAREST` of that of everything in the clip.
+        UserError: The distance is below `NEAREST` times the distance of everything in the clip.
     """
     images = [image for image in reconstruction.images if len(image.points)]
     depths = [image.to_camera(reconstruction.points.xyz[image.points])[:, 2] for image in images]
@@ -171,9 +173,12 @@ def blur_for_radius(reconstruction: Reconstruction, focus: Focus, frame: int, ra
 def largest_discs(
     reconstruction: Reconstruction, focus: Focus, frame: int, radius: float
 ) -> tuple[float, float]:
-    """Diameters of a frame's largest blur discs before and beyond the focal plane, in image widths.
+    """Return the diameters of a frame's largest blur discs, in image widths.
 
-    Of all but the nearest and farthest 2 % of its points; 0 where none is on that side.
+    The nearest and farthest 2 % of its points are left out.
+
+    Returns:
+        The diameter in front of the focal plane and the one behind it; 0 on a side without points.
     """
     image, _ = reconstruction.image_at(frame)
     canvas = reconstruction.canvas(image)

@@ -21,8 +21,7 @@ from ..media.picture_file import Pixels
 LONG_SIDE = 640
 """Pixels of the longer side of the pictures in which it is followed."""
 RADIUS = 0.02
-"""Share of that size, around the place: the moving object's pixels within are followed as well, and
-vote."""
+"""Share of this size around the place; pixels of the moving object within it are followed, too, and vote."""
 STEP = 4
 """Pixels between those."""
 AGREE = 1.0
@@ -43,7 +42,7 @@ SMOOTH = 3
 
 @dataclass(frozen=True)
 class _Clip:
-    """What following needs of a clip."""
+    """The inputs of following."""
 
     reconstruction: Reconstruction
     depth: DepthSource
@@ -58,12 +57,22 @@ def follow(
     place: Floats,
     inverse_depth: float,
 ) -> dict[int, float]:
-    """Distances by registered frame of what is at a place (2,) in pixels of a source frame, where it has this
-    inverse depth there and moves by itself; of none but that frame where it cannot be followed.
+    """Return the distances of a moving object through the clip, by registered frame.
 
-    From frame to frame flow moves pixels of the object around the place; where they are, the depth of what
-    moves is read. There are no depths before and after it is lost. Passes checkpoints; UserError as
-    `DepthSource.at`. `read` gives a frame's picture (H, W, 3 or 4).
+    From frame to frame, optical flow moves the object's pixels around the place, and the depth of moving
+    pixels is read there. The result ends where the object is lost; it has one frame if it cannot be followed.
+
+    Args:
+        reconstruction: Solve of the clip.
+        depth: Source of the depth of pixels.
+        read: Returns a frame's picture (H, W, 3 or 4).
+        frame: Frame of the place.
+        place: (2,) in pixels of the source frame.
+        inverse_depth: Inverse depth of the object there.
+
+    Raises:
+        UserError: As of `DepthSource.at`.
+        Cancelled: The user cancels.
     """
     clip = _Clip(reconstruction, depth, read)
     frames = [int(each) for each in reconstruction.frames]
@@ -79,8 +88,7 @@ def follow(
 
 
 def _one_way(clip: _Clip, way: Sequence[int], start: Floats, start_depth: float) -> dict[int, float]:
-    """Inverse depths by frame of pixels (n, 2) of the first frame of a way, which has `start_depth`, as far
-    as they are followed."""
+    """Inverse depths by frame of pixels (n, 2) in a way's first frame, as far as they are followed."""
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     points, before, seen_at = start, _grey(clip, way[0]), list[tuple[int, int, float]]()
     step: Floats | None = None
@@ -109,8 +117,11 @@ def _one_way(clip: _Clip, way: Sequence[int], start: Floats, start_depth: float)
 
 
 def _step(there: Floats, back: Floats, points: Floats) -> Floats | None:
-    """(2,) pixels by which a flow (h, w, 2) takes most of the points (n, 2), of those that the flow `back`
-    returns: what passes before some of them does not take them along. None where too few are."""
+    """The motion (2,) in pixels of most points (n, 2) by a flow (h, w, 2); None where too few agree.
+
+    Only points that the flow `back` returns to their place count, so that an occluder does not carry them
+    along.
+    """
     steps = _at(there, points)
     after = points + steps
     inside = ((after >= 0) & (after < there.shape[1::-1])).all(axis=1)
@@ -142,7 +153,7 @@ def _pixels_around(clip: _Clip, frame: int, place: Floats, inverse_depth: float)
 
 
 def _depth_of_object(clip: _Clip, frame: int, points: Floats) -> float | None:
-    """Median inverse depth of what moves at small pixels (n, 2) of a frame; None where too little does."""
+    """Median inverse depth of the moving object at small pixels (n, 2) of a frame; None of too few pixels."""
     inverse, moving = _seen(clip, frame, points)
     enough = moving.sum() >= max(LEAST * len(points), 1)
     return float(np.median(inverse[moving])) if enough else None

@@ -17,21 +17,27 @@ from .focus import Focus
 POINTS = 4
 """Points that are chosen: the thesis averages four."""
 RANGE_WEIGHT = 0.1
-"""Cost of the chosen points' range of inverse depths, against a cost of 1 for what their mean misses the
-surface under the click by: chosen by inspection, at silhouettes of the sample clip."""
+"""Cost of the range of the chosen points' inverse depths, relative to the distance of their mean from the
+clicked surface. Chosen by inspection, at silhouettes of the sample clip."""
 SOFTENING = 2.0
 """Pixels from the click within which features count alike: about their accuracy."""
 FRONTAL = 0.1
-"""Weight of a surface that faces the camera against what features around the click tell of its tilt: chosen
-by inspection, where features lie in a row."""
+"""Weight of a frontal surface against the tilt that features around the click show. Chosen by inspection,
+where features lie in a row."""
 
 
 def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focus:
-    """The focus points for a click at fractions x, y of the picture (0, 0 = top left) of a frame.
+    """Return the focus points for a click in a frame.
 
-    Of the features nearest to the click the four are taken whose mean depth is that of the surface under the
-    click, and which differ little: so a click beside a silhouette does not focus between subject and
-    background, nor one on a slope before or behind the place.
+    The four nearest features are taken whose mean depth is that of the clicked surface and whose depths
+    differ little. A click beside a silhouette then does not focus between subject and background, and a click
+    on a slope not in front of the place or behind it.
+
+    Args:
+        reconstruction: Solve of the clip.
+        frame: Number of the frame.
+        x: Fraction of the picture's width, from the left.
+        y: Fraction of its height, from the top.
     """
     check_place(reconstruction, frame, x, y)
     image, _ = reconstruction.image_at(frame)
@@ -40,7 +46,11 @@ def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focu
 
 
 def check_place(reconstruction: Reconstruction, frame: int, x: float, y: float) -> None:
-    """UserError for fractions x, y outside of the picture, and for a frame without a camera of its own."""
+    """Check a place of a frame.
+
+    Raises:
+        UserError: The fractions x, y are outside of the picture, or the frame has no camera.
+    """
     if not (0 <= x <= 1 and 0 <= y <= 1):
         raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
     if frame not in reconstruction.frames:
@@ -53,7 +63,11 @@ def check_place(reconstruction: Reconstruction, frame: int, x: float, y: float) 
 
 
 def pick_features(features: FrameFeatures, canvas: Canvas, x: float, y: float) -> Focus:
-    """What is `pick`, of a frame's features on its canvas; UserError where they are fewer than two."""
+    """Return the focus of `pick` from a frame's features on its canvas.
+
+    Raises:
+        UserError: There are fewer than two features.
+    """
     if len(features.points) < 2:
         raise UserError(
             f"frame {features.frame} has fewer than two feature points; pick the focus in another frame"
@@ -61,7 +75,7 @@ def pick_features(features: FrameFeatures, canvas: Canvas, x: float, y: float) -
     click = canvas.features_from_source(np.array([[x * canvas.camera.width, y * canvas.camera.height]]))
     near = _nearest(features.observed, click[0], 3 * POINTS)
     distance = np.linalg.norm(features.observed[near] - click, axis=1)
-    # A neighbour at twice the distance of the fourth says little about the clicked place.
+    # A neighbour at twice the distance of the fourth is little evidence for the clicked place.
     near = near[distance <= 2 * distance[min(POINTS, len(near)) - 1]]
     inverse = features.inverse_depth[near]
     under = _surface(features.observed[near] - click, inverse)
@@ -85,11 +99,11 @@ def _nearest(places: Floats, place: Floats, count: int) -> Ints:
 
 
 def _surface(offsets: Floats, inverse: Floats) -> float:
-    """Inverse depth at a click of the surface that most of the features (n, 2) pixels beside it are on.
+    """Inverse depth at a click of the surface that most features (n, 2), in pixels beside it, are on.
 
-    A plane's inverse depth (n,) is linear over the picture: weighted least squares with Cauchy's weights from
-    the weighted median on (Holland and Welsch, "Robust regression using iteratively reweighted
-    least-squares", 1977). Close features count more; few that lie in a row tell little of the tilt.
+    A plane's inverse depth (n,) is linear over the picture: weighted least squares with Cauchy's weights,
+    from the weighted median on (Holland and Welsch, "Robust regression using iteratively reweighted
+    least-squares", 1977). Close features count more; a few features in a row hardly determine the tilt.
     """
     distance = np.linalg.norm(offsets, axis=1)
     closeness = 1 / (distance + SOFTENING)

@@ -1,5 +1,4 @@
-"""What is in focus at a place of the picture: the surface that the pixel shows, through feature points on it
-where they are."""
+"""Focus at a place of the picture: the surface of its pixel, by feature points if they are near."""
 
 from __future__ import annotations
 
@@ -21,32 +20,32 @@ from .follow import follow
 from .picking import check_place, pick_features
 
 NEAR = 0.06
-"""Of the picture's width, how far from a place the farthest of its four points may be. Measured on the sample
-clip with holes cut into its points: so near, nine picks of ten are within a tenth of the range of inverse
-depths from the dense depth; at 0.1 one of four is not, at 0.2 every second one."""
+"""Share of the picture's width within which the farthest of a place's four points lies. On the sample clip
+with holes cut into its points, nine of ten picks are within a tenth of the range of inverse depths from the
+dense depth; at 0.1 one of four is not, at 0.2 every second one."""
 
 SAME = 0.05
-"""Of the range of a frame's inverse depths, up to which the mean of the points around a pixel may be off what
-that shows: about a twentieth of the largest blur. Chosen by inspection."""
+"""Share of a frame's range of inverse depths by which the mean of the points around a pixel may differ from
+the pixel: about a twentieth of the largest blur. Chosen by inspection."""
 OTHER = 0.1
-"""Of that range, from which on one of those points is on something else. Chosen by inspection, at silhouettes
-of the sample clip. Not of the depth itself: that is nearly the same for all that is far away."""
+"""Share of this range from which one of the points is on another surface. Relative to the depth itself, all
+far things are alike. Chosen by inspection, at silhouettes of the sample clip."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """What is in focus at a place of a frame."""
+    """The thing in focus at a place of a frame."""
 
     focus: Focus
     frame: int
     distance: float
     """Depth along the frame's optical axis, in the reconstruction's unit."""
     source: str
-    """What the distance was found from, for people."""
+    """Source of the distance, in words for users."""
     world: Floats | None = None
     """(3,) where the place is, of one that no points follow and that stands still."""
     followed: Mapping[int, float] = field(default_factory=dict)
-    """Distances by frame of a place on what moves by itself, as far as it could be followed."""
+    """Distances by frame of a place on a moving object, as far as it could be followed."""
     xy: tuple[float, float] | None = None
     """Fractions of the picture at which it was picked, (0, 0) top left."""
     subject: str = ""
@@ -57,7 +56,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Glance:
-    """What is known of a place at once, while the mouse moves."""
+    """Immediate knowledge of a place, while the mouse moves."""
 
     distance: float | None
     """Depth along the optical axis, in the reconstruction's unit; None where it would have to be found."""
@@ -68,7 +67,7 @@ class Glance:
 
 @dataclass(frozen=True)
 class _Pixel:
-    """What a depth source tells of the pixel at a place."""
+    """The depth of the pixel at a place."""
 
     inverse_depth: float
     confidence: float
@@ -76,12 +75,12 @@ class _Pixel:
 
     @property
     def is_sure(self) -> bool:
-        """Whether its depth comes before that of points."""
+        """Return whether the pixel's depth is used before that of points."""
         return self.inverse_depth > 0 and self.confidence > SURE
 
     @property
     def is_known(self) -> bool:
-        """Whether its depth may be put in focus: what moves by itself is drawn there, sure or not."""
+        """Whether the depth may be put in focus; moving objects are drawn at theirs, sure or not."""
         return self.inverse_depth > 0 and (self.moves or self.confidence > SURE)
 
 
@@ -96,8 +95,18 @@ class PlaceFinder:
         frame: int,
         subject_at: Callable[[float, float], Place | None] = lambda x, y: None,
     ) -> None:
-        """`read` gives a frame's picture (H, W, 3 or 4), by which what moves is followed; `subject_at` the
-        whole subject at fractions of the picture. UserError for a frame without a camera of its own."""
+        """Prepare for picks in a frame.
+
+        Args:
+            reconstruction: Solve of the clip.
+            depth: Source of the depth of pixels.
+            read: Returns a frame's picture (H, W, 3 or 4), in which moving objects are followed.
+            frame: Number of the frame.
+            subject_at: Returns the whole subject at fractions of the picture.
+
+        Raises:
+            UserError: The frame has no camera.
+        """
         self.frame = frame
         self._rec, self._depth, self._read = reconstruction, depth, read
         self._subject_at = subject_at
@@ -106,7 +115,7 @@ class PlaceFinder:
         self._canvas = self._rec.canvas(self._image)
 
     def glance(self, x: float, y: float) -> Glance:
-        """What is known of fractions x, y of the picture without finding anything."""
+        """Return immediate knowledge of fractions x, y of the picture."""
         nothing = np.zeros((0, 2))
         if self._known is None:
             return Glance(None, nothing)
@@ -185,7 +194,7 @@ class PlaceFinder:
         return np.asarray(self._image.rotation.T @ (distance * ray - self._image.translation))
 
     def _followed(self, x: float, y: float, inverse: float, origin: str) -> Place:
-        """A place on what moves by itself, of an inverse depth, through the frames that show it."""
+        """A place on a moving object of an inverse depth, followed through the frames that show it."""
         at = np.array([x * self._canvas.camera.width, y * self._canvas.camera.height])
         followed = follow(self._rec, self._depth, self._read, self.frame, at, inverse)
         first, last = min(followed), max(followed)
@@ -204,7 +213,7 @@ class PlaceFinder:
         return self._depth.kept(self.frame, self._canvas)
 
     def _pixel(self, depth: PixelDepth, x: float, y: float) -> _Pixel:
-        """What is told of the pixel at fractions x, y of the picture."""
+        """The depth of the pixel at fractions x, y of the picture."""
         (inverse,), (confidence,), (moves,) = depth.at_places(self._click(x, y)[None], self._canvas)
         return _Pixel(float(inverse), float(confidence), bool(moves))
 
@@ -216,8 +225,10 @@ class PlaceFinder:
         )
 
     def _points(self, x: float, y: float) -> tuple[Focus | None, float]:
-        """The points for a place where they are near, and how far, in pixels of the source frame, the
-        farthest of them, or of those that are too far, is."""
+        """The points for a place, and the distance of the farthest one in pixels of the source frame.
+
+        The points are None where they are too far from the place.
+        """
         # Without features the frame may have depth.
         if len(self._features.points) < 2:
             return None, float("inf")
@@ -251,8 +262,10 @@ class PlaceFinder:
 
 
 def shown_at(place: Place, reconstruction: Reconstruction, frame: int) -> tuple[float, float] | None:
-    """Fractions of the picture at which a frame would show a place, (0, 0) top left, whether something is
-    before it or not and also past the picture's border; None where that is not known, or behind the camera.
+    """Return the fractions of the picture, (0, 0) top left, where a frame shows a place.
+
+    Occlusion is ignored, and places past the border have fractions outside [0, 1]. None where the position is
+    not known, or behind the camera.
     """
     if place.frame == frame and place.xy is not None:
         return place.xy

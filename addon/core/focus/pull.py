@@ -16,7 +16,7 @@ from .place import Place, shown_at
 
 @dataclass(frozen=True)
 class FocusMark:
-    """What is to be in focus at a frame."""
+    """The focus at a frame."""
 
     frame: int
     places: tuple[Place, ...]
@@ -32,7 +32,7 @@ class FocusMark:
         return cls(place.frame, (place,))
 
     def inverse_depths(self, reconstruction: Reconstruction, frames: Sequence[int]) -> Floats:
-        """(n,) at frames (n,), as the function of that name."""
+        """Return the inverse depths (n,) at frames (n,); see the function of this name."""
         found = [inverse_depths(place, reconstruction, frames) for place in self.places]
         return np.asarray(np.mean(found, axis=0))
 

@@ -18,7 +18,7 @@ from .place import Place
 EVERY = 3
 """Frames between two whose depth is asked for; those between are interpolated, in inverse depth."""
 LEAST_PIXELS = 12
-"""Pixels of a subject that tell its depth."""
+"""Least pixels of a subject with a depth."""
 SMOOTH = 3
 """Depths, `EVERY` frames apart, of which the median is taken."""
 
@@ -31,12 +31,21 @@ def subject_place(
     name: str,
     standing: Callable[[int], float | None] = lambda frame: None,
 ) -> Place:
-    """A subject as a place that is followed: the median of its pixels' inverse depths, in every frame.
+    """Return a subject as a place in focus, followed through the clip by the median of its inverse depths.
 
-    `mask` gives the subject (h, w) over a source frame at any size; `standing` its inverse depth, in 1 /
-    scene units, where that can be told without the `depth` of all pixels, which takes ten times as long.
-    Between frames that show it, and where it is hidden, distances are interpolated in inverse depth.
-    UserError where no frame shows it, else as of `DepthSource.at`.
+    Between frames that show the subject, and where it is hidden, distances are interpolated in inverse depth.
+
+    Args:
+        reconstruction: Solve of the clip.
+        depth: Source of the depth of all pixels.
+        mask: Returns the subject (h, w) over a source frame, at any size.
+        frame: Frame of the place.
+        name: Name of the subject.
+        standing: Returns its inverse depth in 1 / scene units where it is known without `depth`, which takes
+            ten times as long.
+
+    Raises:
+        UserError: No frame shows the subject; else as of `DepthSource.at`.
     """
     frames = [int(each) for each in reconstruction.frames]
     if frame not in frames:
@@ -69,7 +78,7 @@ def _inverse_depths(
             continue
         image, _ = reconstruction.image_at(frame)
         canvas = reconstruction.canvas(image)
-        # Its outline may be of what is behind it.
+        # Pixels of the outline may show the background.
         inner = cv2.erode(shown.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         rows, columns = np.nonzero(inner if np.count_nonzero(inner) >= LEAST_PIXELS else shown)
         size = np.array([canvas.camera.width, canvas.camera.height]) / np.array(shown.shape[::-1])

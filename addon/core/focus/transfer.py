@@ -14,34 +14,34 @@ from .focus import FEWEST_IN_PLANE, Focus
 from .place import Place
 
 NEAR = 0.006
-"""Of the picture's width: how far from a point's old place a new one may be; 4 pixels of 640, chosen by
+"""Share of the picture's width within which a point's new place lies: 4 pixels of 640. Chosen by
 inspection."""
 UNLIKE = 0.2
 """Relative difference of inverse depths, scales brought together, above which a place close by is another
 surface, past a silhouette."""
 SAME = 0.002
-"""Of the picture's width: features of both that are closer are the same, 1.3 pixels of 640."""
+"""Share of the picture's width within which features of both solves are the same: 1.3 pixels of 640."""
 ENOUGH = 10
-"""Features found in both that tell their scales better than the medians do."""
+"""Features in both solves from which they give a better scale than the medians."""
 
 
 @dataclass(frozen=True)
 class Refocus:
-    """What becomes of a focus and of lengths."""
+    """A focus and a scale of lengths, carried to another solve."""
 
     focus: Focus
     """Focus with point IDs of the new reconstruction; none where their places are not seen there."""
     frame: int
     """Registered frame of the new reconstruction that the focus was picked in, or the nearest one."""
     scale: float
-    """New scene units an old one: a reconstruction has no scale of its own."""
+    """New scene units for one old unit: a reconstruction has an arbitrary scale."""
 
 
 def carry_focus(old: Reconstruction, new: Reconstruction, focus: Focus, frame: int) -> Refocus:
-    """The focus on the same places of the pictures, for a clip that was solved again.
+    """Return the focus on the same places of the pictures, for a clip that was solved again.
 
-    Of each picked point the place is where it was seen, in the frame nearest to the one it was picked in.
-    Two points at least must be found again, three of a plane, or all where fewer were picked.
+    The place of a picked point is its observation in the frame nearest to the pick. Two points at least must
+    be found again, three of a plane, or all if fewer were picked.
     """
     common = np.intersect1d(old.frames, new.frames)
     if not len(common):
@@ -67,8 +67,10 @@ def carry_focus(old: Reconstruction, new: Reconstruction, focus: Focus, frame: i
 
 
 def carry_place(old: Reconstruction, new: Reconstruction, place: Place) -> Place:
-    """A place that was picked, for a clip that was solved again: on its points, where they are found again;
-    else where the picture shows it, at its depth; else at its distance."""
+    """Return a picked place for a clip that was solved again.
+
+    It is on the same points if they are found again; else at the depth of its pixel; else at its distance.
+    """
     carried = carry_focus(old, new, place.focus, place.frame)
     distance, scale = place.distance * carried.scale, carried.scale
     if carried.focus.points:

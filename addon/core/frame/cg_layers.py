@@ -42,7 +42,7 @@ class CGObjects:
 
 
 NO_CG = CGObjects()
-"""Of a frame without any."""
+"""A frame without CG objects."""
 DrawCG = Callable[[int, Canvas, PixelDepth | None], CGObjects]
 """Draws the CG objects of a frame of the clip for a canvas, whose depth is given where it is known."""
 

@@ -1,4 +1,4 @@
-"""What a click puts in focus, with a subject that the click itself marks where nobody has marked one."""
+"""Focus by a click, on a known subject or on one that the click marks."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _new_subject(
     """The subject that a click cuts out of a frame, in focus; None where it cuts out none."""
     if not clip.may_focus_on_subjects or not clip.reconstruction.is_ordered or _is_masked(clip, frame, x, y):
         return None
-    # As the .blend keeps it: what is found now is found again by the key of its strokes.
+    # The .blend keeps strokes like this: results are found again by the key of the strokes.
     at = float(np.float32(x)), float(np.float32(y))
     new = MarkedSubject(name, (Stroke(frame, (at,)),))
     mask = clip.carried(new).mask(frame)
@@ -93,7 +93,7 @@ def _is_subject(mask: Mask, click: Mask) -> bool:
 
 
 def _is_masked(clip: ClipContext, frame: int, x: float, y: float) -> bool:
-    """Whether the user's masks show a subject at a place: they are its outline already."""
+    """Return whether the user's masks show a subject at a place; they are its outline already."""
     mask = clip.masks(frame) if clip.masks else None
     if mask is None:
         return False

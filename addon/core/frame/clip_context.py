@@ -1,4 +1,4 @@
-"""What a clip knows of its frames after the solve: product, benchmark and tests construct the same one."""
+"""A solved clip with its depth, subjects and highlights, for product, benchmark and tests."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ MIXED = 5
 
 @dataclass(frozen=True)
 class ClipContext:
-    """A solved clip, with what is computed from several of its frames made once and kept.
+    """A solved clip; results from several frames are made once and kept.
 
     Pictures are (H, W, 4) float32, linear and premultiplied; lengths are in the reconstruction's unit.
     UserError where a frame, a map or a mask cannot be read.
@@ -64,7 +64,8 @@ class ClipContext:
     given_depth: DepthSource | None = None
     """Depth that need not be found, such as the truth of a benchmark."""
     masks: Moving | None = None
-    """The opacity in [0, 1] of what is said to move by itself, (h, w) of a source frame at any size."""
+    """Returns the opacity in [0, 1] of moving pixels (h, w) of a source frame, at any size, by the user's
+    masks."""
     store: Callable[[Quality], DepthStore] | None = None
     """Where what does not depend on the lens is kept, by the quality that it is found in."""
     marked: tuple[MarkedSubject, ...] = ()
@@ -76,9 +77,9 @@ class ClipContext:
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels: the processor, or a GPU."""
     maps: DepthSource | None = None
-    """The user's depth maps: the depth of what stereo is not sure of."""
+    """The user's depth maps, used where stereo is not sure."""
     from_rec_709: Floats | None = None
-    """(3, 3) from the primaries of Rec.709, which pictures of integers have, to those of what is drawn."""
+    """(3, 3) from the primaries of Rec.709, which integer pictures have, to those of the working space."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
@@ -86,7 +87,7 @@ class ClipContext:
         return self._stereo(NORMAL)
 
     def stereo_of(self, quality: Quality) -> TemporalFusion:
-        """What is `stereo`, of a quality."""
+        """Return the depth from the clip itself of a quality; see `stereo`."""
         options = quality.stereo, quality.fusion
         if options == (NORMAL.stereo, NORMAL.fusion):
             return self.stereo
@@ -115,8 +116,11 @@ class ClipContext:
         return self._parts.mask(frame)
 
     def subject(self, name: str, frame: int) -> Mask:
-        """Return a subject (h, w) in a frame, over the source frame at any size; UserError for a name that no
-        subject has, else as of `MovingParts.mask`."""
+        """Return a subject (h, w) in a frame, over the source frame at any size.
+
+        Raises:
+            UserError: No subject has this name; else as of `MovingParts.mask`.
+        """
         return self._parts.named(name).mask(frame)
 
     @property
@@ -130,7 +134,7 @@ class ClipContext:
         return self._parts.people
 
     def carried(self, marked: MarkedSubject) -> CarriedSubject:
-        """Return a marked subject in the frames of the clip; what was carried is remembered."""
+        """Return a marked subject in the frames of the clip; its result is remembered."""
         return self._subjects.carried(marked)
 
     def prepare_subject(self, frame: int) -> dict[str, Mask]:
@@ -177,8 +181,10 @@ class ClipContext:
 
     @cached_property
     def _disocclusion(self) -> dict[HighlightSettings, DisocclusionFill]:
-        """Other frames' colours for what a frame does not show, but for what moves in them; by highlights,
-        the last ones only: pictures are large."""
+        """Hidden colours from other frames, without their moving pixels, by settings of highlights.
+
+        Only the last settings are kept: pictures are large.
+        """
         return {}
 
     def picture(self, frame: int, highlights: HighlightSettings) -> LinearRGBA:
@@ -199,7 +205,7 @@ class ClipContext:
         return linear
 
     def knows_highlights(self, frame: int, highlights: HighlightSettings) -> bool:
-        """Whether `picture` of a frame only reads it: what clipping took from it is remembered or kept."""
+        """Return whether a frame's highlights are remembered or kept, so that `picture` needs no search."""
         return not highlights.gain or self._highlights_of(highlights.threshold).knows(frame)
 
     def _highlights_of(self, threshold: float) -> ClipHighlights:
@@ -222,8 +228,13 @@ class ClipContext:
         return {}
 
     def noise(self, frame: int, size: tuple[int, int]) -> Noise | None:
-        """The clip's noise in pictures of a frame at a size (width, height); None where it is not visible,
-        and of photos, which have no frame that shows the same. UserError where a frame cannot be read."""
+        """Return the clip's noise in pictures of a size (width, height).
+
+        None if it is not visible, and for photos, which have no second frame of the same scene.
+
+        Raises:
+            UserError: A frame cannot be read.
+        """
         if not self.reconstruction.is_ordered or self._noise is None or not self._noise.is_visible:
             return None
         camera = self.canvas(frame).camera
@@ -246,13 +257,18 @@ class ClipContext:
 
     @cached_property
     def own_lens(self) -> OwnLens | None:
-        """The lens that the clip was filmed through; None where it has no depth of field. UserError where a
-        frame cannot be read."""
+        """The lens that the clip was filmed through; None where it has no depth of field.
+
+        UserError where a frame cannot be read.
+        """
         return own_lens(self.reconstruction, self.read)
 
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:
-        """What tells the depth of frames in a quality: what is given, else stereo, or both together; for
-        coarse meshes else the feature points. Picking, following and drawing ask it and nothing else."""
+        """Return the source of the depth of frames in a quality.
+
+        It is given depth, stereo, or both, and feature points for coarse meshes. Picking, following and
+        drawing use this source only.
+        """
         sparse, maps = SparseDepth(self.reconstruction), self.maps
         given = [] if self.given_depth is None else [self.given_depth]
         if self.reconstruction.stays:
@@ -279,19 +295,21 @@ class ClipContext:
         return self.reconstruction.canvas(image)
 
     def places(self, frame: int) -> PlaceFinder:
-        """What finds the focus at places of a registered frame; see `PlaceFinder`."""
+        """Return the finder of focus at places of a registered frame."""
         return PlaceFinder(
             self.reconstruction, self.depth_source(), self.read, frame, partial(self._place_on_subject, frame)
         )
 
     @property
     def may_focus_on_subjects(self) -> bool:
-        """Whether a click may focus on a whole subject: its distance comes from the clip alone."""
+        """Return whether a click may focus on a whole subject: its distance comes from the clip alone."""
         return self.given_depth is None and self.maps is None
 
     def subject_at(self, frame: int, x: float, y: float) -> ClipSubject | None:
-        """Return the subject at fractions x, y of a frame's picture that a click focuses on; None beside all
-        of them. Errors as of `places`."""
+        """Return the subject at fractions x, y of a frame's picture; None beside all subjects.
+
+        Errors as of `places`.
+        """
         return self._parts.at(frame, x, y) if self.may_focus_on_subjects else None
 
     def _place_on_subject(self, frame: int, x: float, y: float) -> Place | None:
@@ -319,12 +337,19 @@ class ClipContext:
         return ReusedMemory()
 
     def depth(self, frame: int, canvas: Canvas, picture: LinearRGBA, quality: Quality = NORMAL) -> PixelDepth:
-        """The depth of all pixels of a canvas that shows `picture` (H, W, 4), as `depth_source` tells it.
+        """Return the depth of all pixels of a canvas.
 
-        UserError as `TemporalFusion.at`, and where the camera stays in its place and no map tells it.
+        Args:
+            frame: Number of the frame.
+            canvas: That of the frame.
+            picture: (H, W, 4) shown by the canvas.
+            quality: Quality of the depth.
+
+        Raises:
+            UserError: As of `TemporalFusion.at`; or the camera stays in its place, and no map has depth.
         """
         found = self.depth_source(quality).at(frame, canvas, picture)
-        assert found is not None  # Stereo knows every frame, or says why not.
+        assert found is not None  # Stereo has a depth for every frame, or raises an error.
         return found
 
     def hidden_colours(
@@ -335,9 +360,14 @@ class ClipContext:
         depth: PixelDepth,
         highlights: HighlightSettings = RESTORED,
     ) -> HiddenColours:
-        """Other frames' colours for what a frame does not show, to be asked for places of its canvas.
+        """Return the colours of other frames for hidden places of a frame's canvas.
 
-        `picture` (H, W, 4) and `depth` are what the frame itself shows, `highlights` what it was read with.
+        Args:
+            frame: Number of the frame.
+            canvas: That of the frame.
+            picture: (H, W, 4) shown by the canvas.
+            depth: Its depth.
+            highlights: Settings that the picture was read with.
         """
         if highlights not in self._disocclusion:
             self._disocclusion.clear()
@@ -363,7 +393,7 @@ class ClipContext:
         return beyond_edges
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples:
-        """Places of known depth for a coarse mesh: of what is given, else the frame's feature points."""
+        """Return places of known depth for a coarse mesh: of given maps, else of feature points."""
         found = self.depth_source().samples(frame, canvas)
         assert found is not None  # Feature points come last.
         return found

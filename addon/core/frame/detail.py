@@ -1,4 +1,4 @@
-"""What follows from blur discs, seen through the views, as the sharpness of a frame that is drawn smaller."""
+"""Values that depend on blur discs, drawn through the views, such as the sharpness of smaller frames."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ frequency, the middle of what was lost, by the disc's transform 2 J1(x) / x."""
 
 
 def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
-    """A frame's mesh and views, painted with the share of its sharpness that each texel keeps instead of its
-    colours: red, green and blue of the views' mean are the shares that each pixel keeps of its own. None of a
-    frame without layers."""
+    """Return a frame's mesh and views, painted with the share of sharpness that each texel keeps.
+
+    The mean of the views has in red, green and blue the share that each pixel keeps. None for a frame without
+    layers.
+    """
     if not warped.layers:
         return None
     lens = warped.plan.lens
@@ -36,8 +38,14 @@ def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
 
 
 def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: float = 0.0) -> WarpedFrame:
-    """A frame's mesh and views, painted with what `values` makes (h, w, 3) of its texels' displacements
-    (h, w) in pixels, signed radii of their blur discs, instead of its colours; CG objects with one value."""
+    """Return a frame's mesh and views, painted with a function of the displacement.
+
+    Args:
+        warped: The frame.
+        values: Returns colours (h, w, 3) of texels from their displacements (h, w) in pixels, the signed
+            radii of blur discs.
+        on_cg: Value on CG objects.
+    """
     # Its channels are no colours.
     plan, lens = replace(warped.plan, axial_colour=0.0), warped.plan.lens
     if not warped.layers:
@@ -74,9 +82,14 @@ def _share(displacement: Map) -> Map:
 def enlarged(
     picture: LinearRGBA, small: LinearRGBA, source: LinearRGBA, share: LinearRGB | None
 ) -> LinearRGBA:
-    """A picture (h, w, 4) at the size of the source (H, W, 4), premultiplied, with its `share` (h, w, 3) of
-    what the source has more than `small` (h, w, 4), which is the source as it was drawn; of opacity as of
-    green."""
+    """Return a picture enlarged to the source's size, with a share of the source's detail.
+
+    Args:
+        picture: (h, w, 4) premultiplied.
+        small: (h, w, 4) the source as it was drawn.
+        source: (H, W, 4) full size.
+        share: (h, w, 3) of the source's difference from `small`; opacity has the share of green.
+    """
     size = source.shape[1], source.shape[0]
 
     def at_size(smaller: LinearRGBA) -> LinearRGBA:

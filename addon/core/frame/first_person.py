@@ -78,8 +78,10 @@ def face_of(networks: Networks, picture: Bytes, person: Mask) -> tuple[float, fl
 
 
 def middle_of(mask: Mask) -> tuple[float, float]:
-    """Return the pixel of a mask (h, w), not empty, that is nearest to its centroid, as shares of the
-    picture."""
+    """Return the pixel of a mask (h, w) nearest to its centroid, as fractions of the picture.
+
+    The mask is not empty.
+    """
     at = np.argwhere(mask)
     y, x = at[np.linalg.norm(at - at.mean(axis=0), axis=1).argmin()] + 0.5
     return float(x / mask.shape[1]), float(y / mask.shape[0])

@@ -30,11 +30,15 @@ TRANSPARENT = np.float32(1e-6)
 
 
 def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedFrame:
-    """A frame's mesh through fewer views, half as large, painted with the share of each component's standard
-    deviation that blur takes: red, green and blue of the views' mean. Exactly 0 where all is in focus; 1 on
-    CG objects.
+    """Return a frame's mesh, painted with the noise that blur removes.
 
-    `scale` times as large is the picture that the noise is of, of a frame that was drawn smaller.
+    The mean of its views has in red, green and blue the removed share of each noise component's standard
+    deviation: exactly 0 where all is in focus, 1 on CG objects. It has fewer views, of half the size.
+
+    Args:
+        warped: The frame.
+        noise: Noise of the clip.
+        scale: Size of the final picture relative to the drawn one.
     """
 
     def lost(displacement: Map) -> LinearRGB:
@@ -66,14 +70,16 @@ def _smaller(warped: WarpedFrame) -> WarpedFrame:
 def grained(
     picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: float, source: LinearRGBA
 ) -> LinearRGBA:
-    """Add the noise that a picture lacks. What lost nothing is not changed.
+    """Add the noise that blur has removed from a picture.
+
+    Pixels that lost nothing are not changed.
 
     Args:
         picture: (H, W, 4) frame through the lens.
         lost: (H, W, 3) mean of the views of `lost_frame`.
         noise: Noise of the clip at this size.
         frame: Its number: noise differs by frame, and is always the same in one.
-        amount: How much of it is added.
+        amount: Share of the lost noise that is added.
         source: (H, W, 4) frame of the clip, which is nowhere less noisy than the result.
 
     Returns:

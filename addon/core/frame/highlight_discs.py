@@ -1,11 +1,10 @@
-"""Highlights that are much smaller than their blur discs, drawn as discs of the aperture's shape and energy.
+"""Small highlights drawn as discs with the aperture's shape and their energy.
 
-Few views draw such a highlight as a pattern of copies, as each shows it at a place of its own. So its light
-is taken out of the picture before that is painted on a mesh (`without_small_highlights`), and the disc is
-added to the mean of the views (`HighlightDiscs.light`), at a cost that does not depend on their number:
-Potmesil and Chakravarty, "Synthetic image generation with a lens and aperture camera model", 1982, spread
-every pixel like that. Surfaces before a highlight clip its disc as they clip the views
-(`highlight_surfaces.py`).
+Few views draw a small highlight as a pattern of copies. Its light is therefore removed from the picture
+before that is painted on a mesh (`without_small_highlights`), and its disc is added to the mean of the views
+(`HighlightDiscs.light`), at a cost that does not depend on their number: Potmesil and Chakravarty, "Synthetic
+image generation with a lens and aperture camera model", 1982, spread every pixel in this way. Nearer surfaces
+clip the disc as they clip the views (`highlight_surfaces.py`).
 """
 
 from __future__ import annotations
@@ -35,8 +34,8 @@ BRIGHT = 1.5
 """Linear light that the brightest pixel of a highlight has at least: copies of less do not show. Chosen by
 inspection."""
 WIDER = 1.0
-"""Times that a disc is at least as wide as its highlight. Of 4, 1.5, 1, 0.5 and 0.2: bars (32 px, true depth)
-has 33.7, 34.3, 35.2, 35.2 and 35.2 dB."""
+"""Least ratio of a disc's width to its highlight's. With 4, 1.5, 1, 0.5 and 0.2, bars (32 px, true depth) has
+33.7, 34.3, 35.2, 35.2 and 35.2 dB."""
 MOST = 400
 """Highlights, those of the most light, that are drawn so: 341 with discs of 24 pixels take 0.5 to 0.8 CPU s
 (a scratch script)."""
@@ -47,10 +46,10 @@ FINEST = 8
 LEAST_RADIUS = 0.5
 """Pixels of the radius of a disc, at least: within a pixel there is nothing of its shape to see."""
 PARTS = 8
-"""Parts across and down, at most, that a highlight is cut in where something may hide some of it. Of 1, 4, 6,
-8 and 16: bars (32 px, true depth) has 34.4, 35.2, 35.3, 35.35 and 35.36 dB."""
+"""Most parts across and down of a highlight that may be partly occluded. With 1, 4, 6, 8 and 16, bars (32 px,
+true depth) has 34.4, 35.2, 35.3, 35.35 and 35.36 dB."""
 CHANNELS = 126
-"""Of a picture that OpenCV 5 filters: 128 at most."""
+"""Channels of a picture that OpenCV 5 filters: 128 at most."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +69,14 @@ class SmallHighlight:
         return np.asarray(_middles(self.light[None])[0] + self.corner[::-1])
 
     def parts(self, most: int) -> tuple[LinearRGB, Ints]:
-        """Its light in parts (n, s, s, 3), at most `most` by `most` and a pixel wide at least, and their
-        first rows and columns (n, 2) in the picture."""
+        """Divide its light into parts.
+
+        Args:
+            most: Parts across and down, at most; each is at least a pixel wide.
+
+        Returns:
+            Light (n, s, s, 3), and the parts' first rows and columns (n, 2) in the picture.
+        """
         size = -(-max(self.light.shape[:2]) // most)
         count = [-(-side // size) for side in self.light.shape[:2]]
         spare = [(0, n * size - side) for n, side in zip(count, self.light.shape[:2], strict=True)]
@@ -100,7 +105,7 @@ class _FocalPlane:
     """Pixels of displacement that everything is nearer to the lens by, relative to it."""
 
     def displacement(self, one: SmallHighlight) -> float:
-        """Of a highlight relative to it, in pixels; of one that it goes through, the least there may be."""
+        """Displacement of a highlight from the plane, in pixels; the least one if the plane crosses it."""
         found = one.displacement + self.nearer
         return float(np.copysign(max(abs(found), LEAST_RADIUS), found))
 
@@ -126,8 +131,18 @@ class HighlightDiscs:
     def light(
         self, plan: FramePlan, layers: tuple[LayeredDepthImage, ...], cg: Sequence[CGLayer] = ()
     ) -> LinearRGB:
-        """(h, w, 3) linear light of their discs in the plan's canvas, clipped by the clip's `layers` and the
-        CG objects'. Passes checkpoints."""
+        """Draw the discs.
+
+        Passes checkpoints.
+
+        Args:
+            plan: Plan of the frame.
+            layers: The clip's layers, which clip discs.
+            cg: The layers of CG objects, which clip them, too.
+
+        Returns:
+            (h, w, 3) linear light in the plan's canvas.
+        """
         height, width = plan.canvas.pinhole.height, plan.canvas.pinhole.width
         total: LinearRGB = np.zeros((height, width, 3), np.float32)
         own = plan.canvas.pinhole if self.steadied is None else self.steadied.own_canvas.pinhole
@@ -151,8 +166,10 @@ class HighlightDiscs:
     def _discs(
         self, one: SmallHighlight, plan: FramePlan, before: Surfaces, focal_plane: _FocalPlane
     ) -> tuple[LinearRGB, Ints]:
-        """The light (n, h, w, 3) of the discs of a highlight's parts as far as it arrives, focused as a focal
-        plane is, and the rows and columns (n, 2) where they begin, which may be outside of the canvas."""
+        """The light (n, h, w, 3) of the discs of a highlight's parts, after occlusion and focusing.
+
+        Also the rows and columns (n, 2) where they begin, which may be outside of the canvas.
+        """
         pinhole = plan.canvas.pinhole
         seen_here = _as_seen(one, self.steadied) if self.steadied else one
         displacement = focal_plane.displacement(seen_here)
@@ -160,7 +177,7 @@ class HighlightDiscs:
         kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
         reach = [n // 2 for n in kernel.shape]
         steps = before.steps(one.place, max(one.light.shape[:2]), one.displacement)
-        # What hides a highlight covers another part of the disc of each of its places.
+        # An occluder covers another part of the disc of each place of a highlight.
         light, corner = seen_here.parts(PARTS if len(steps) else 1)
         begin = corner - np.array(reach, np.int32)
         places = _middles(light) + corner[:, ::-1]
@@ -179,7 +196,7 @@ class HighlightDiscs:
         ways: Floats = (places[number] - seen) / radius
         if self.steadied:
             ways = self.steadied.middle + self.steadied.aperture_share * ways
-            # The frame's own layers tell what is before it, where the frame sees it.
+            # The frame's own layers occlude it where the frame sees it.
             places = one.place + (places - seen_here.place) / _enlargement(self.steadied)
         widths = np.full(len(ways), float(light.shape[1]))
         passed = before.transmittance(one.displacement, steps, places[number], widths, ways)
@@ -207,7 +224,7 @@ def _as_seen(one: SmallHighlight, steadied: Steadied) -> SmallHighlight:
     light = cv2.warpAffine(
         one.light, back, (int(size[0]), int(size[1])), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     )
-    # What is spread over more pixels is as bright in each; the sum is the light.
+    # Spreading keeps the sum of the light, not its brightness.
     light = light * np.float32(zoom**2 * one.light.sum() / max(float(light.sum()), 1e-30))
     return SmallHighlight((int(corner[1]), int(corner[0])), np.asarray(light, np.float32), displacement)
 
@@ -218,8 +235,7 @@ def _few(light: LinearRGB) -> list[LinearRGB]:
 
 
 def _filtered(light: LinearRGB, kernel: Map, reach: list[int]) -> LinearRGB:
-    """(n, h, w, 3) patches of light (n, s, s, 3), each pixel spread by a kernel that reaches so many pixels
-    down and across."""
+    """(n, h, w, 3) patches of light (n, s, s, 3), each pixel spread by a kernel of a reach in pixels."""
     count, size = light.shape[:2]
     wide = np.zeros((size + 2 * reach[0], size + 2 * reach[1], 3 * count), np.float32)
     wide[reach[0] :, reach[1] :][:size, :size] = np.moveaxis(light, 0, 2).reshape(size, size, -1)
@@ -230,8 +246,10 @@ def _filtered(light: LinearRGB, kernel: Map, reach: list[int]) -> LinearRGB:
 
 @lru_cache(maxsize=256)
 def _kernel(aperture: Aperture, across: float, down: float) -> Map:
-    """(h, w) share of the light in each pixel around the middle of a disc of an aperture, sum 1; radii in
-    pixels are negative behind the focal plane, where the disc is upright. Odd sides."""
+    """(h, w) share of the light in each pixel around the middle of a disc; its sum is 1.
+
+    Radii in pixels are negative behind the focal plane, where the disc is upright. Sides are odd.
+    """
     reach = [int(np.ceil(abs(radius))) + 1 for radius in (down, across)]
     y, x = ((np.arange(SUBSAMPLES * (2 * n + 1)) + 0.5) / SUBSAMPLES - n - 0.5 for n in reach)
     fine = aperture.light(*np.meshgrid(-x / across, -y / down))
@@ -240,8 +258,11 @@ def _kernel(aperture: Aperture, across: float, down: float) -> Map:
 
 
 def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[int]) -> Map:
-    """(h, w) share of the light that a plan's barrel lets through to each pixel around the middle of a disc
-    at a place (2,), as many down and across as `reach`; radii (2,) in pixels, as `_kernel` takes them."""
+    """(h, w) transmission of a plan's barrel for each pixel around the middle of a disc.
+
+    The disc is at a place (2,), with radii (2,) in pixels as `_kernel` takes them, and a reach down and
+    across.
+    """
     shift, middle = barrel_shift(plan), plan.canvas.pinhole.principal_point
     beside = [np.arange(-n, n + 1) for n in reach[::-1]]
     x, y = (
@@ -316,11 +337,11 @@ def without_small_highlights(
 
 
 def _tracked(tracked: TrackedDepth, own: Ints, shift: Floats) -> Floats:
-    """(c,) displacement of labels: the median of the feature points whose pixels are a label's `own` (H, W),
-    where that is nearer than `shift` (c,).
+    """(c,) displacements of labels by their feature points, where these are nearer than `shift` (c,).
 
-    Stereo compares windows, which show more of the background than of a lamp of a few pixels. A lamp farther
-    than its own surface would be hidden by it.
+    Each is the median of the points on a label's `own` pixels (H, W). Stereo compares windows, which show
+    more of the background than of a lamp of a few pixels; a lamp farther than its surface would be hidden by
+    it.
     """
     height, width = own.shape
     column, row = np.clip(np.floor(tracked.places).astype(int), 0, [width - 1, height - 1]).T
@@ -331,7 +352,7 @@ def _tracked(tracked: TrackedDepth, own: Ints, shift: Floats) -> Floats:
 
 
 def _median(values: Map, weights: Map) -> float:
-    """Of values (n,) by weights (n,): a lamp clips more pixels than its own, of what is farther."""
+    """Weighted median of values (n,), as a lamp clips pixels of the background, too."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(total, total[-1] / 2)])
@@ -344,9 +365,11 @@ def _around(stats: Ints, reach: int) -> tuple[slice, slice]:
 
 
 def _nearest_of(label: Ints, highlights: Mask, displacement: Map, shift: Floats) -> Ints:
-    """(H, W) the label of the highlight that a pixel's light may be of, 0 of none: the highlights' own pixels
-    (H, W), and the `RIM` around them that is as far away, by `displacement` (H, W) and that of labels
-    (n,)."""
+    """(H, W) label of the highlight that a pixel's light may belong to; 0 for none.
+
+    These are the pixels of highlights (H, W), and `RIM` pixels around them at the same displacement (H, W),
+    where labels have a displacement (n,).
+    """
     distance, nearest = cv2.distanceTransformWithLabels(
         (~highlights).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )

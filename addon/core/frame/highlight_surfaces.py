@@ -67,9 +67,14 @@ class Surfaces:
     def transmittance(
         self, displacement: float, steps: Floats, places: Floats, widths: Floats, ways: Floats
     ) -> Floats:
-        """(n,) share of the light that comes from places (n, 2) of a highlight, in pixels, to places of the
-        aperture (n, 2) in shares of its radius: from parts as many pixels (n,) wide, of one displacement in
-        pixels, past what is nearer by `steps` (s,).
+        """Return the share (n,) of a highlight's light that passes nearer surfaces.
+
+        Args:
+            displacement: Of the highlight, in pixels.
+            steps: (s,) displacements by which surfaces are nearer.
+            places: (n, 2) of the highlight's parts, in pixels.
+            widths: (n,) of the parts, in pixels.
+            ways: (n, 2) places on the aperture, in shares of its radius.
         """
         way = ways * self._focal
         count = -(-len(steps) * len(way) // LOOKED_AT)
@@ -81,9 +86,8 @@ class Surfaces:
     def _along(
         self, displacement: float, steps: Floats, places: Floats, widths: Floats, way: Floats
     ) -> Floats:
-        """(n,) share of the light that passes on ways (n, 2), which are pixels of the frame for each pixel of
-        displacement that a surface is nearer by; else as of `transmittance`."""
-        # What is nearer by t is before the highlight, seen from p, if it is seen at place + t p by the frame.
+        """The share (n,) of light along ways (n, 2), in pixels for each pixel of displacement."""
+        # A surface nearer by t occludes the highlight from p if the frame sees it at place + t p.
         along = (self._on_raster(places) + steps[:, None, None] * way).astype(np.float32)
         passed = np.ones(len(way))
         for disparity, alpha, jump in self._surfaces:

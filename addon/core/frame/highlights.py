@@ -1,10 +1,9 @@
-"""What was clipped in the frames of a clip, made as bright as it was: one light source is as bright in every
-frame.
+"""Clipped highlights of a clip restored to their brightness, equal in every frame.
 
-What one frame's rim tells of a light source depends on how the light source lies on the pixels. So a light
-source is looked for in other frames, along its epipolar line, and what they tell is averaged, a frame's
-weight falling linearly with its distance in time: then nothing flickers. The same frames are used as for
-hidden colours. Nothing of it depends on the lens: it is kept beside depth (`kept_highlights`).
+The rim of a light source gives its brightness, with an error that depends on its place on the pixels. The
+source is therefore looked for in other frames, along its epipolar line, and all estimates are averaged with a
+weight that falls linearly with distance in time: nothing flickers. The frames are those of hidden colours.
+Nothing depends on the lens, so results are kept beside depth (`kept_highlights`).
 """
 
 from __future__ import annotations
@@ -32,19 +31,18 @@ STEP, LEAST_FRAMES = 8, 8
 """Every so many-th registered frame is a source, of a short clip more, as for hidden colours
 (`FillOptions`)."""
 POOLED = 8
-"""Frames, evenly over the clip, whose light sources tell of what kinds the clip's are. Chosen by
-inspection."""
+"""Frames, evenly over the clip, whose light sources give the clip's kinds of lamps. Chosen by inspection."""
 SPAN = 16
 """Registered frames before and after, up to which frames are sources. Chosen by inspection."""
 KEPT = 64 << 20
 """Bytes of frames' highlights that are remembered, and of the light that they lost."""
 NEAREST = 1.2
-"""Of the largest inverse depth of a frame's features, what a light source may have. Chosen by inspection."""
+"""Largest inverse depth of a light source, relative to that of the frame's features. Chosen by inspection."""
 MOST_PARALLAX = 0.05
-"""Of the long side, that a light source may move by, besides by the camera's turn, where no feature tells
-depth."""
+"""Share of the long side by which a light source may move, besides the camera's turn, without features of
+known depth."""
 BESIDE = 0.004
-"""Of the long side, that a light source may be beside its epipolar line: 2.6 of 640 pixels. Chosen by
+"""Share of the long side between a light source and its epipolar line: 2.6 of 640 pixels. Chosen by
 inspection."""
 ALIKE = 1.1
 """Logarithm of the ratio of two blobs' areas that may be one light source: a factor of three. Chosen by
@@ -53,12 +51,12 @@ UNLIKE = 4.0
 """Pixels beside the line that count as much as a ratio of areas of e. Chosen by inspection."""
 
 MOST_GAIN = 1000.0
-"""Of the light that clipping took: a hundred times what was ever missing. Chosen by inspection."""
+"""Largest gain of restored light: a hundred times the need. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
 class HighlightSettings:
-    """What the user asks of clipped highlights."""
+    """The user's settings for clipped highlights."""
 
     gain: float = option(
         1.0, "Highlights",
@@ -66,7 +64,7 @@ class HighlightSettings:
         " discs: 1 restores the full estimate, 0 leaves the clip as it is. Float images are not changed",
         name="highlights", least=0.0, most=MOST_GAIN, soft_most=4.0, words={"off": 0.0}, precision=2,
     )  # fmt: skip
-    """Of the light that clipping took, how much is given back; 0 leaves pictures as they are."""
+    """Share of the clipped light that is restored; 0 leaves pictures unchanged."""
     threshold: float = option(
         0.97, "Clipping Threshold",
         "Brightness above which a pixel counts as clipped, in linear light where 1 is white. Lower it if"
@@ -77,7 +75,7 @@ class HighlightSettings:
 
 
 RESTORED = HighlightSettings()
-"""What is done by default."""
+"""Default settings."""
 
 
 class ClipHighlights:
@@ -90,7 +88,14 @@ class ClipHighlights:
         threshold: float,
         store: DepthStore | None = None,
     ) -> None:
-        """`read` gives a frame's picture as `Footage.read` does; what is found is kept in a store."""
+        """Prepare the highlights of a clip.
+
+        Args:
+            reconstruction: Solve of the clip.
+            read: Returns a frame's picture as `Footage.read` does.
+            threshold: Clipping threshold in [0, 1].
+            store: Storage of results.
+        """
         self._rec, self._read, self._threshold, self._store = reconstruction, read, threshold, store
         self._found = LRUCache[Lamps](KEPT, kept.size)
         self._lost = LRUCache[LostLight](KEPT, kept.size)
@@ -110,13 +115,13 @@ class ClipHighlights:
         return result
 
     def knows(self, frame: int) -> bool:
-        """Whether the light that clipping took from a frame is remembered or kept."""
+        """Return whether the clipped light of a frame is remembered or kept."""
         return frame in self._lost or (
             self._store is not None and self._store.is_kept(kept.named(kept.LOST, frame, self._threshold))
         )
 
     def _lost_light(self, frame: int, picture: LinearRGBA) -> LostLight:
-        """Of a frame's picture (H, W, 4): as it is kept, else found, and the same either way."""
+        """The clipped light of a frame's picture (H, W, 4); the same whether it is kept or found."""
         name, shape = kept.named(kept.LOST, frame, self._threshold), picture.shape[:2]
         found = kept.read_lost(self._store, name, shape) if self._store else None
         if found is None:
@@ -132,7 +137,7 @@ class ClipHighlights:
         """(a, r) what is `kinds_of` frames all over the clip, the same for each of its frames."""
         frames = self._rec.frames[:: stride(self._rec, STEP, LEAST_FRAMES)]
         spread = np.linspace(0, len(frames) - 1, min(POOLED, len(frames))).round().astype(int)
-        # Photos differ in exposure: each is a clip of its own.
+        # Photos differ in exposure, so that each is a clip alone.
         pooled = [int(frames[each]) for each in spread] if self._rec.is_ordered else [frame]
         if self._known_kinds[0] != pooled:
             theirs = self._lamps(pooled)
@@ -140,9 +145,9 @@ class ClipHighlights:
         return self._known_kinds[1]
 
     def _neighbours(self, here: Image) -> list[tuple[Image, float]]:
-        """The frames around one that tell of its highlights, and how much each counts, more than zero."""
+        """The frames around one that estimate its highlights, and their weights, above zero."""
         if not self._rec.is_ordered:
-            # Photos differ in exposure: a light source is as bright in each as that one says.
+            # Photos differ in exposure: a light source has the brightness that each photo gives.
             return []
         step = stride(self._rec, STEP, LEAST_FRAMES)
         around = [
@@ -152,8 +157,10 @@ class ClipHighlights:
         return [(other, weight) for other, weight in around if weight > 0]
 
     def _lamps(self, frames: list[int]) -> dict[int, Lamps]:
-        """The highlights of frames: as they are remembered or kept, else found. What another process is
-        finding is left to it."""
+        """The highlights of frames, remembered, kept or found.
+
+        Frames that another process is working on are left to it.
+        """
 
         def find(frame: int) -> Lamps:
             return lamps(clipped_blobs(to_linear(self._read(frame)), self._threshold))
@@ -169,7 +176,7 @@ class ClipHighlights:
         return known | made
 
     def _told(self, frame: int, own: Blobs) -> Told:
-        """What other frames tell of a frame's blobs."""
+        """The estimates of other frames for a frame's blobs."""
         total, evidence, tint = (
             np.zeros(len(own)),
             np.zeros((len(own), len(RADIANCES))),
@@ -189,8 +196,7 @@ class ClipHighlights:
         return total, evidence, tint
 
     def _matches(self, here: Image, own: Blobs, other: Image, theirs: Lamps) -> tuple[Indices, Indices]:
-        """Which of a frame's highlights, by number (m,), are which of another's (m,): both each other's
-        best."""
+        """Numbers (m,) of a frame's highlights and of another's (m,) that are each other's best match."""
         camera, there = self._rec.intrinsics(here), self._rec.intrinsics(other)
         size = (np.array([each.width, each.height]) for each in (camera, there))
         xy, place = (each * pixels for each, pixels in zip((own.centre, theirs.centre), size, strict=True))
@@ -209,8 +215,10 @@ class ClipHighlights:
         return mine[both], match[both]
 
     def _segments(self, here: Image, xy: Floats, other: Image) -> tuple[Floats, Floats]:
-        """Where another frame sees places (n, 2) of a frame if they are at infinity, and if they are as near
-        as anything: (n, 2) each, in its pixels; NaN where that is behind it."""
+        """Where another frame sees places (n, 2) at infinity, and at the nearest depth.
+
+        (n, 2) each, in pixels of the other frame; NaN behind it.
+        """
         camera, there = self._rec.intrinsics(here), self._rec.intrinsics(other)
         rotation, translation = relative_pose(here, other)
         rays = np.column_stack([_rays(camera, xy), np.ones(len(xy))]) @ rotation.T
@@ -237,8 +245,10 @@ class ClipHighlights:
 
 
 def _near_segments(far: Floats, near: Floats, place: Floats, reach: float) -> tuple[Indices, Indices]:
-    """Which of segments (n, 2) to (n, 2), and which of places (m, 2), may be nearer than `reach`: all pairs
-    (p,) that are as near in x or in y, whichever makes fewer."""
+    """Pairs (p,) of segments and places (m, 2) that may be nearer than `reach`.
+
+    Segments go from (n, 2) to (n, 2). The pairs are near in x or in y, whichever gives fewer.
+    """
     low, high = np.minimum(far, near) - reach, np.maximum(far, near) + reach
     axis = int(np.argmin(np.nansum(high - low, axis=0)))
     order = np.argsort(place[:, axis], kind="stable")
@@ -251,7 +261,7 @@ def _near_segments(far: Floats, near: Floats, place: Floats, reach: float) -> tu
 
 
 def _rays(camera: Intrinsics, xy: Floats) -> Floats:
-    """(n, 2) x and y at unit depth of what a lens sees at pixels (n, 2)."""
+    """(n, 2) x and y at unit depth of the rays through pixels (n, 2)."""
     rays = (xy - camera.principal_point) / camera.focal
     return camera.undistort(rays) if camera.is_distorted else rays
 

@@ -1,4 +1,4 @@
-"""Pictures of what a frame is drawn from: depth, sources, blur and focus.
+"""Diagnostic pictures of a frame: depth, sources, blur and focus.
 
 All are (H, W, 3) uint8 sRGB in the geometry of the source frame.
 """
@@ -30,9 +30,9 @@ SOURCES = ("inpainted", "borrowed", "own")
 """Where a pixel's light comes from, in the order of red, green and blue: made up from beside, or mirrored at
 the border; other frames; the frame itself."""
 SOURCE_VIEWS = 16
-"""Views that tell the shares of the sources."""
+"""Views for the shares of the sources."""
 LARGEST_TEXTURE = 4096
-"""Pixels of the longer side of a texture that only tells inside from outside."""
+"""Pixels of the longer side of a texture that separates inside from outside."""
 TINT = 0.45
 """Largest share of the tint."""
 GREEN, RED = (0.0, 0.8, 0.2), (0.95, 0.1, 0.1)
@@ -40,7 +40,7 @@ WARM = ((1.0, 1.0, 1.0), (1.0, 0.55, 0.1), (0.55, 0.0, 0.0))
 COLD = ((1.0, 1.0, 1.0), (0.3, 0.6, 1.0), (0.0, 0.0, 0.5))
 """In focus, half way, and where discs are largest: before the focal plane, and beyond."""
 NEARER, FARTHER = (0.1, 0.3, 1.0), (0.1, 0.8, 0.2)
-"""Tints of what lies before what is in focus, and beyond."""
+"""Tints of things in front of the focus, and behind it."""
 SHARE = 99.0
 """Per cent of the pixels that the scales of depth and blur show; the rest has their last colour."""
 
@@ -57,8 +57,10 @@ def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dic
 def picture(
     name: str, warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA | None = None
 ) -> Shown | None:
-    """One of `pictures` (H, W, 3), of a name in `NAMES`; None where there is none to make. Only "sources"
-    needs the shares."""
+    """One of `pictures` (H, W, 3), of a name in `NAMES`; None where there is none to make.
+
+    Only "sources" needs the shares.
+    """
     plan, frame = warped.plan, _encoded(source[..., :3])
     match name:
         case "depth":
@@ -98,16 +100,16 @@ def fewer_views(warped: WarpedFrame, most: int = SOURCE_VIEWS) -> WarpedFrame:
     offsets = plan.lens.sheared_positions(plan.lens.radius * vogel_disc(most))
     registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
     if warped.method == "thesis":
-        # Its positions are random and its registration is fitted: the first ones are as good as any.
+        # Its positions are random and its registration is fitted: any views will do.
         offsets, registration = plan.offsets[:most], plan.registration[:most]
     plan = replace(plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0)
     return replace(warped, plan=plan)
 
 
 def source_frame(warped: WarpedFrame) -> WarpedFrame:
-    """A frame's mesh through fewer views, painted with where its colours come from instead of the colours.
+    """Return a frame's mesh with fewer views, painted with the sources of its colours.
 
-    Red, green and blue of the views' mean are the shares of `SOURCES`, premultiplied by what is covered.
+    The mean of the views has in red, green and blue the shares of `SOURCES`, premultiplied by coverage.
     """
     warped = fewer_views(warped)
     if warped.plan.axial_colour:
@@ -163,8 +165,10 @@ def _finer(picture: LinearRGBA) -> LinearRGBA:
 
 
 def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:
-    """Masks (H, W) for every surface of a mesh of layers, near ones first: what the frame shows of it itself,
-    and what other frames lent."""
+    """Masks (H, W) for every surface of a mesh of layers, near ones first.
+
+    The first mask of a surface has the frame's own pixels, the second one those lent by other frames.
+    """
     shape, canvas, margin_reprojected = (
         warped.layers[0].disoccluded.shape,
         warped.plan.canvas,
@@ -190,13 +194,15 @@ def _inner(layers: LayeredDepthImage, canvas: Canvas) -> tuple[slice, slice]:
 
 
 def _plain_sources(warped: WarpedFrame) -> tuple[WarpMesh, LinearRGBA]:
-    """A mesh painted with the canvas picture, mirrored past the border, and the sources of a texture that
-    holds what is past the border, too."""
+    """A mesh painted with the canvas picture, mirrored past the border, and its sources.
+
+    The sources have the size of a texture with the part past the border.
+    """
     mesh, own = warped.plan.mesh, _own(warped.plan.canvas)
     size = np.array(own.shape[::-1])
     beyond = np.maximum(-mesh.texture_xy, mesh.texture_xy - size).max(initial=0)
     margin = int(np.ceil(min(beyond, 1e9))) + 2
-    # A wide aperture sees far past the border: what is far out is all alike.
+    # A wide aperture sees far past the border, where all pixels look alike.
     scale = min(1.0, LARGEST_TEXTURE / float((size + 2 * margin).max()))
     wide = np.maximum(np.round(scale * (size + 2 * margin)).astype(int), 1)
     xy = scale * (mesh.texture_xy + margin)
@@ -257,8 +263,10 @@ def _blur(signed: Floats) -> Shown:
 
 
 def _focus_tint(warped: WarpedFrame) -> Shown:
-    """(H, W, 4) of the canvas's pixels the tint of what is out of focus, and its share: none up to the
-    acceptable circle of confusion, half at twice that, soon all of `TINT`."""
+    """(H, W, 4) tint of unsharp pixels of the canvas, and its share.
+
+    The share is 0 up to the acceptable circle of confusion, half at twice its size, and approaches `TINT`.
+    """
     signed = np.nan_to_num(blur_discs(warped))
     least = warped.plan.lens.acceptable_disc
     share = TINT * (1 - 1 / np.maximum(np.abs(signed) / least, 1))

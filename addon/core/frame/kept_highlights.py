@@ -1,5 +1,6 @@
-"""What is kept of the highlights of a clip's frames, beside their depth: the light that clipping took, and
-what rims tell other frames. Both are the same whether they were just found or are read again.
+"""Storage of a clip's highlights beside its depth: the clipped light of frames, and estimates from rims.
+
+Results are the same whether they are found or read.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def keep_lost(store: DepthStore, name: str, lost: LostLight, shape: tuple[int, i
 
 
 def read_lost(store: DepthStore, name: str, shape: tuple[int, int]) -> LostLight | None:
-    """What was kept of a picture of a shape (h, w); None where it is not, or damaged."""
+    """Return the kept clipped light of a picture of a shape (h, w); None if it is missing or damaged."""
     parts = store.read(name, ("where", "light"))
     mask, rows = (None, None) if parts is None else (decoded(part, LONGEST_SIDE) for part in parts.values())
     if mask is None or rows is None or mask.shape != shape or rows.dtype != np.uint16:
@@ -67,8 +68,16 @@ def lamps_of(
     name: Callable[[int], str],
     find: Callable[[int], Lamps],
 ) -> dict[int, Lamps]:
-    """What rims tell in frames: as it is kept, else by `find`, and kept. What another process is finding is
-    left to it: see `DepthStore.made`."""
+    """Return the estimates from rims in frames, kept or found.
+
+    Frames that another process is working on are left to it; see `DepthStore.made`.
+
+    Args:
+        store: Storage of estimates.
+        frames: Numbers of frames.
+        name: Returns a frame's name in the store.
+        find: Makes the estimates of a frame.
+    """
     if store is None:
         return {frame: find(frame) for frame in frames}
 

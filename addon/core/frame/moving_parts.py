@@ -42,7 +42,7 @@ class MovingParts:
     read: Callable[[int], Pixels]
     """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
     subjects: ClipSubjects
-    """Where subjects are found."""
+    """Source of subjects."""
     marked: tuple[MarkedSubject, ...]
     """Subjects that the user has marked by strokes."""
     masks: Moving | None
@@ -83,8 +83,11 @@ class MovingParts:
         return None
 
     def mask(self, frame: int) -> Mask | None:
-        """Return the moving pixels (h, w) of a frame, over the source frame at any size: those of subjects,
-        found or marked, and of masks; None where there are none of these. Each quality has the same."""
+        """Return the moving pixels (h, w) of a frame, over the source frame at any size.
+
+        They belong to subjects, found or marked, and to masks; None without either. All qualities have the
+        same.
+        """
         return self._masks.get(frame, lambda: self._moving(frame))
 
     def placed(self) -> list[Subject]:

@@ -24,14 +24,13 @@ from ..media.picture_file import Pixels
 from ..optics.thin_lens import ThinLens
 
 LONGEST = 1280
-"""Pixels of the longer side at which pictures are looked at: a larger one's edges cost time, and tell no
-more."""
+"""Pixels of the longer side of the measured pictures; edges of larger ones cost time and add nothing."""
 FRAMES = 8
-"""Of a clip that are looked at, evenly spread."""
+"""Measured frames of a clip, evenly spread."""
 SMOOTHING = 0.7
 """Standard deviation in pixels by which pictures are blurred first, against noise."""
 AGAIN = 2.0
-"""Standard deviation in pixels by which they are blurred once more: edges of up to four are told apart."""
+"""Standard deviation in pixels of the second blur, which separates edges of up to four pixels."""
 STEEP = 0.01
 """Change of the square root of linear light a pixel, from which on an edge is more than noise."""
 NEAR = 4
@@ -61,7 +60,7 @@ class OwnLens:
     """The thin lens that a clip was filmed through."""
 
     radius: float
-    """Of its aperture, in scene units."""
+    """Radius of its aperture, in scene units."""
     focus: tuple[float, float]
     """Inverse depth of its focal plane in the first frame and in the last."""
     frames: tuple[int, int]
@@ -74,15 +73,19 @@ class OwnLens:
         return (1 - share) * self.focus[0] + share * self.focus[1]
 
     def share_softer(self, frame: int, lens: ThinLens, inverse_depth: Floats | Map) -> float:
-        """Share of inverse depths (any shape) that the clip shows more blurred than the wished lens does, by
-        more than the acceptable circle of confusion."""
+        """Return the share of inverse depths (any shape) that the clip shows more blurred than a lens does.
+
+        Differences below the acceptable circle of confusion are ignored.
+        """
         wished = np.abs(lens.blur_disc(np.asarray(inverse_depth, np.float64)))
         own = 2 * self.radius * lens.pinhole.fx * np.abs(inverse_depth - self.focus_at(frame))
         return float(np.mean(own > wished + lens.acceptable_disc))
 
     def missing(self, frame: int, lens: ThinLens, inverse_depth: Floats | Map) -> Floats:
-        """Inverse depths (any shape) at which the wished lens has discs of the size that the clip's own lack:
-        the focal plane's, where these are larger than the wished ones."""
+        """Return inverse depths (any shape) at which a lens has the blur that the clip lacks.
+
+        They are those of the focal plane where the clip's own discs are larger than the wished ones.
+        """
         wished = inverse_depth - lens.focus
         own = self.radius / lens.radius * (inverse_depth - self.focus_at(frame))
         left = np.sqrt(np.maximum(wished**2 - own**2, 0))
@@ -98,13 +101,13 @@ class OwnLens:
         left = missing - lens.focus
         b, c = share * apart, -(share * apart**2) - left**2
         rest = 1 - share
-        # Of lenses as wide as each other nothing is missing but between their planes.
+        # Lenses of equal apertures differ only between their focal planes.
         rest = float(np.copysign(max(abs(rest), LEAST_REST), rest))
         root = np.sqrt(np.maximum(b**2 - rest * c, 0))
         return np.asarray(lens.focus + (-b + np.where(left < 0, -root, root)) / rest)
 
     def remaining(self, frame: int, lens: ThinLens, depth: PixelDepth) -> PixelDepth:
-        """What the wished lens is to blur: the depth of a frame, each inverse depth the `missing` one."""
+        """Return a frame's depth with each inverse depth replaced by the `missing` one."""
 
         def each(values: Map | None) -> Map | None:
             return None if values is None else self.missing(frame, lens, values).astype(np.float32)
@@ -116,8 +119,18 @@ class OwnLens:
 
 
 def own_lens(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> OwnLens | None:
-    """The lens that a clip was filmed through; None where everything is about as sharp, or sharpness does not
-    go with depth; and of photos, each of which has its own. UserError where a frame cannot be read."""
+    """Estimate the lens that a clip was filmed through.
+
+    None if everything is about equally sharp, if sharpness does not depend on depth, and for photos, each of
+    which has its own lens.
+
+    Args:
+        reconstruction: Solve of the clip.
+        read: Returns a frame's picture.
+
+    Raises:
+        UserError: A frame cannot be read.
+    """
     if not reconstruction.is_ordered:
         return None
     numbers = reconstruction.frames[np.linspace(0, len(reconstruction.frames) - 1, FRAMES).astype(int)]
@@ -136,8 +149,10 @@ def own_lens(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> O
 
 
 def _edges(reconstruction: Reconstruction, read: Callable[[int], Pixels], frame: int) -> Floats:
-    """(n, 3) frame number, inverse depth, and variance in pixels^2 of the steepest edge beside each feature
-    point of a frame that has one."""
+    """(n, 3) frame number, inverse depth, and blur variance in pixels^2 of edges at feature points.
+
+    The steepest edge of each feature point counts.
+    """
     image, _ = reconstruction.image_at(frame)
     canvas = reconstruction.canvas(image)
     features = frame_features(reconstruction, frame, canvas)
@@ -160,8 +175,14 @@ def _edges(reconstruction: Reconstruction, read: Callable[[int], Pixels], frame:
 
 
 def edge_variances(light: Map) -> tuple[Map, Map]:
-    """(H, W) steepness of a picture's edges, 0 elsewhere, and the variance in pixels^2 of the blur of each,
-    from linear light (H, W)."""
+    """Measure the blur of a picture's edges.
+
+    Args:
+        light: (H, W) linear light.
+
+    Returns:
+        Steepness (H, W) of edges, 0 elsewhere, and the variance (H, W) of their blur in pixels^2.
+    """
     # Noise is about alike in roots of light.
     sharp = cv2.GaussianBlur(np.sqrt(np.maximum(light, 0)).astype(np.float32), (0, 0), SMOOTHING)
     x, y = _gradient(np.asarray(sharp))
@@ -183,8 +204,10 @@ def _gradient(values: Map) -> tuple[Map, Map]:
 
 
 def _levels(edges: Sequence[Floats], first: int, last: int) -> Floats:
-    """(n, 3) of each part of the clip and level of depth in it: share of the way from its first frame to its
-    last, inverse depth, and the variance of its sharpest edges."""
+    """(n, 3) sharpest edges by part of the clip and level of depth.
+
+    Columns: share of the way through the clip, inverse depth, variance.
+    """
     every, found = np.concatenate(edges), []
     part = np.minimum((every[:, 0] - first) * PARTS // max(last - first, 1), PARTS - 1)
     for number in range(PARTS):
@@ -198,8 +221,11 @@ def _levels(edges: Sequence[Floats], first: int, last: int) -> Floats:
 
 
 def _parabola(levels: Floats) -> tuple[tuple[float, float], float]:
-    """Inverse depth of the focal plane at both ends of the clip, and the factor of squared distance from it,
-    in pixels^2, by which variances of levels (n, 3) grow; 0 where they do not grow with it."""
+    """Inverse depths of the focal plane at both ends of the clip, and the growth of variance.
+
+    The growth, in pixels^2 for each squared distance from the plane, is 0 if the variances of levels (n, 3)
+    do not grow.
+    """
     way, inverse, variance = levels.T
     # Errors of a blur's measure are shares of it.
     weight = 1 / (variance + SMOOTHING**2)

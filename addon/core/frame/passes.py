@@ -1,6 +1,6 @@
-"""What compositing asks of a frame besides its picture: depth, circle of confusion, what is in focus.
+"""Passes of a frame for compositing: depth, circle of confusion, and focus.
 
-All are (H, W) float32 of the sharp frame, in its own geometry: neighbouring pixels are not mixed.
+All are (H, W) float32 of the sharp frame, in its own geometry; neighbouring pixels are not mixed.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ INFINITE = 1e10
 
 
 def depth(warped: WarpedFrame) -> Map:
-    """(H, W) distance along the camera's axis in scene units, `INFINITE` where nothing is known or nothing
-    ends."""
+    """Return the distance (H, W) along the camera's axis in scene units, `INFINITE` where it is unknown."""
     return distances(in_source(inverse_depth(warped), warped.plan.canvas))
 
 
@@ -30,8 +29,10 @@ def distances(inverse: Map) -> Map:
 
 
 def circle_of_confusion(warped: WarpedFrame) -> Map:
-    """(H, W) signed diameter of the blur disc in pixels of the drawn frame, positive before the focal plane;
-    where nothing is known, that of infinity."""
+    """Return the signed diameter (H, W) of the blur disc in pixels of the drawn frame.
+
+    It is positive in front of the focal plane; unknown pixels have the disc of infinity.
+    """
     lens = warped.plan.lens
     signed = lens.blur_disc(lens.untilted_raster(np.nan_to_num(inverse_depth(warped)).astype(np.float32)))
     return in_source(signed, warped.plan.canvas)

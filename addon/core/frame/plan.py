@@ -20,7 +20,7 @@ from .quality import NORMAL, QUALITIES, Quality
 
 @dataclass(frozen=True)
 class FrameOptions:
-    """What the user asks of the lens."""
+    """The user's settings of the lens."""
 
     focus: Focus
     radius: float
@@ -35,13 +35,13 @@ class FrameOptions:
     seed: int = option(
         0, "Seed", "Random seed for the positions of the thesis's method", least=0, most=2**31 - 1
     )
-    """Of the random positions of the thesis's method."""
+    """Seed of the random positions of the thesis's method."""
     borrow: bool = option(
         True, "Borrow",
         "Fill in what the frame does not show, behind silhouettes and past the border, from other frames;"
         " when off, it is invented from the surroundings",
     )  # fmt: skip
-    """What a frame does not show is taken from the frames that do."""
+    """True if pixels hidden in a frame come from frames that show them."""
     target_psnr: float = option(
         0.0, "Target Quality (PSNR)",
         "Render as many views as a frame needs to come this close, in dB of PSNR, to infinitely many views."
@@ -62,14 +62,14 @@ class FrameOptions:
         "Keep the whole picture on a steadier path: what it shows past the clip's border is filled in from"
         " other frames, not cropped",
     )  # fmt: skip
-    """Whether `steady_path` fills."""
+    """True if `steady_path` keeps the whole picture."""
     grain: float = option(
         1.0, "Grain",
         "How much of the clip's noise is added again where the blur removes it: 1 makes blurred areas as"
         " noisy as the clip, 0 leaves them smooth. Clips without visible noise are not changed",
         least=0.0, most=4.0, soft_most=1.0, words={"off": 0.0}, precision=2,
     )  # fmt: skip
-    """Of the noise that the blur takes, how much is given back."""
+    """Share of the noise removed by the blur that is added again."""
     aperture: Aperture = field(default_factory=Aperture)
     """The aperture's shape."""
     highlights: HighlightSettings = RESTORED
@@ -77,7 +77,7 @@ class FrameOptions:
     quality: Quality = option(  # noqa: RUF009
         NORMAL, "Quality", "Render time against quality", choices=QUALITIES, can_be_keyed=False
     )
-    """What the frame may cost; a number of views, or a target PSNR, is kept to whatever it says of views."""
+    """Budget of the frame; a number of views, or a target PSNR, overrides the quality's own."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class FramePlan:
     blur: float
     """Diameter of the frame's largest blur disc in pixels: 99 % of its pixels (or samples) are smaller."""
     pose_interpolated: bool
-    """Whether the frame was not registered; its camera comes from its neighbours."""
+    """True if the frame was not registered; its camera comes from its neighbours."""
     weights: Floats | None = None
     """(N,) share of the aperture's light that each view has; None where all have the same."""
     spread: float = 1.0

@@ -1,5 +1,7 @@
-"""Draft, normal, final: presets of what a frame's depth, mesh and views cost, each on the plot of error over
-CPU seconds (`python -m benchmarks.accuracy.envelope`)."""
+"""Draft, normal and final: presets of the cost of a frame's depth, mesh and views.
+
+Each is on the plot of error over CPU seconds (`python -m benchmarks.accuracy.envelope`).
+"""
 
 from __future__ import annotations
 

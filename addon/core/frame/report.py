@@ -1,4 +1,4 @@
-"""What a drawn frame is made of, in figures: mesh, error, sources of its pixels, blur and time."""
+"""A report on a drawn frame: mesh, error, sources of its pixels, blur and time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CHOSEN, SURE_ENOUGH, GIVEN = "as chosen", "its depth is sure enough", "its depth
 
 @dataclass(frozen=True)
 class FrameReport:
-    """Of one frame. Shares are per cent."""
+    """Figures of one frame; shares are per cent."""
 
     frame: int
     method: str
@@ -87,7 +87,13 @@ class Used:
 
 
 def frame_report(warped: WarpedFrame, shares: LinearRGBA, draw_seconds: float) -> FrameReport:
-    """Of a frame whose views took `draw_seconds`; `shares` (H, W, 3) as `inspection.shares_of` gives them."""
+    """Return the report on a frame.
+
+    Args:
+        warped: The frame.
+        shares: (H, W, 3) sources of its pixels, as of `inspection.shares_of`.
+        draw_seconds: Time of its views.
+    """
     plan, used = warped.plan, Used.of(warped)
     confidence = _confidence(warped)
     sure = None if confidence is None else 100 * float(np.mean(confidence > SURE))

@@ -1,8 +1,8 @@
-"""A frame's mesh as a steadier camera sees it, and the thin lens that it has there.
+"""A frame's mesh as a steadier camera sees it, and the thin lens there.
 
 The mesh is moved, not the picture: every view still takes the frame's own texture, once. A triangle is warped
-affinely between its vertices; of one 64 pixels wide, a turn of two degrees at 60 degrees of view leaves a
-fortieth of a pixel to what is not affine.
+affinely between its vertices; for one 64 pixels wide, a turn of two degrees at 60 degrees of view leaves an
+error of a fortieth of a pixel.
 """
 
 from __future__ import annotations
@@ -25,34 +25,40 @@ class Steadied:
     """How a frame's own camera and a steadier one see the same surfaces."""
 
     canvas: Canvas
-    """What the steadier camera draws."""
+    """Canvas of the steadier camera."""
     lens: ThinLens
     """Its lens, focused on the plane in space that the frame's is."""
     own_canvas: Canvas
     own_lens: ThinLens
-    """The frame's, as wide as to reach from its middle to all of the steadier one's aperture: what its mesh
-    is to be made for."""
+    """The frame's lens, wide enough to reach from its middle to all of the steadier aperture; the mesh is
+    made for it."""
     rotation: Floats
     """(3, 3) from the frame's camera space into the steadier camera's."""
     translation: Floats
     """(3,) as `rotation`, in scene units."""
     strength: float
-    """By which the path was smoothed: less than what was wished, where the clip does not show enough."""
+    """Strength by which the path was smoothed: less than the wished one where the clip does not show
+    enough."""
 
     @property
     def aperture_share(self) -> float:
-        """Of the radius of `own_lens`, that the aperture has."""
+        """Share of the radius of `own_lens` that the aperture has."""
         return self.lens.radius / self.own_lens.radius
 
     @property
     def middle(self) -> Floats:
-        """(2,) x and y of the steadier aperture's middle in the frame's camera space, in radii of
-        `own_lens`."""
+        """(2,) x and y of the steadier aperture's centre in the frame's camera, in radii of `own_lens`."""
         return np.asarray((-self.rotation.T @ self.translation)[:2] / self.own_lens.radius)
 
     def moved(self, xy: Floats, inverse_depth: Floats) -> tuple[Floats, Floats]:
-        """Where (n, 2) in its canvas the steadier camera sees canvas pixels (n, 2) of the frame, and their
-        inverse depths (n,) there; both inverse depths `untilted` by their lens."""
+        """Return canvas pixels of the steadier camera and their inverse depths.
+
+        Inverse depths are `untilted` by their lens.
+
+        Args:
+            xy: (n, 2) canvas pixels of the frame.
+            inverse_depth: (n,) there.
+        """
         there = self.own_lens.tilted(inverse_depth, xy)
         pinhole, own = self.canvas.pinhole, self.own_canvas.pinhole
         rays = np.column_stack([(xy - own.principal_point) / own.focal, np.ones(len(xy))])
@@ -62,8 +68,11 @@ class Steadied:
         return places, np.asarray(self.lens.untilted(there / seen[:, 2], places))
 
     def beyond(self, inverse_depths: Floats) -> float:
-        """Pixels past the border of the frame's canvas that the steadier camera sees, where things have
-        inverse depths (k,), 1 / scene units, for it."""
+        """Return the pixels past the border of the frame's canvas that the steadier camera sees.
+
+        Args:
+            inverse_depths: (k,) of the scene, in 1 / scene units.
+        """
         pinhole, own = self.canvas.pinhole, self.own_canvas.pinhole
         size, there = np.array([pinhole.width, pinhole.height]), np.array([own.width, own.height])
         along = np.linspace(0, 1, ALONG)

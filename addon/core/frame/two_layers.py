@@ -1,4 +1,4 @@
-"""A sharp frame in two layers for other programs: what the camera sees, and what lies hidden behind it."""
+"""A sharp frame in two layers for other programs: the visible surfaces, and those hidden behind them."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from .warped_frame import MeshedFrame, mesh_frame
 
 @dataclass(frozen=True)
 class TwoLayers:
-    """Colours (H, W, 4) are linear and premultiplied, depths (H, W) distances along the camera's axis in
-    scene units, `passes.INFINITE` where there is nothing; in the source frame's geometry.
+    """The layers of a frame in the source frame's geometry.
 
-    Front over hidden is the frame.
+    Colours (H, W, 4) are linear and premultiplied. Depths (H, W) are distances along the camera's axis in
+    scene units, `passes.INFINITE` in empty pixels. Front over hidden is the frame.
     """
 
     front: LinearRGBA
     front_depth: Map
     hidden: LinearRGBA
-    """What lies behind silhouettes, transparent everywhere else."""
+    """Surfaces behind silhouettes, transparent everywhere else."""
     hidden_depth: Map
 
     def channels(self) -> dict[str, Map]:
@@ -69,7 +69,7 @@ def layers_of(meshed: MeshedFrame) -> TwoLayers:
     front, shift = geometry.picture.copy(), splits[0].front_disparity[own].copy()
     hidden = np.zeros_like(front)
     behind = np.zeros_like(shift)
-    # Of the silhouettes at a pixel the first split has found the largest: it comes last.
+    # The first split has the largest silhouettes: it comes last.
     for split in reversed(splits):
         at = _two_surfaces(split)[own]
         front[at], shift[at] = split.front[own][at], split.front_disparity[own][at]

@@ -17,7 +17,7 @@ from ..optics.aperture_sampling import MAX_VIEWS
 from .warped_frame import MeshedFrame, WarpedFrame
 
 PILOT = 4
-"""Views of each of the two sets: one more ring would be dearer than what it tells. Chosen by inspection."""
+"""Views in each of the pilot's two sets: another ring would cost more than it saves. Chosen by inspection."""
 MEAN_GAIN = 1.0
 """dB that the mean of both sets is better than they differ, at least: 0.97 to 4.8, found as `FIRST_GAIN`."""
 FIRST, FIRST_GAIN, DOUBLING = 8, 5.6, 3.9
@@ -48,8 +48,15 @@ def difference(one: LinearRGBA, other: LinearRGBA) -> float:
 
 
 def views_for_error(between: float, wished: float, prefiltered: bool) -> int:
-    """Number of views for a wished error in dB, where the two sets of the pilot differ by `between` dB; 0
-    where their mean does."""
+    """Return the number of views for an error in dB, from the difference of two pilot sets.
+
+    It is 0 where the mean of the pilot suffices.
+
+    Args:
+        between: Difference of the two sets in dB.
+        wished: Error in dB.
+        prefiltered: True for a prefiltered texture.
+    """
     if between + MEAN_GAIN >= wished:
         return 0
     if prefiltered:

@@ -1,8 +1,8 @@
-"""How much light each view has, and where in the picture: weights of the aperture, and optical vignetting.
+"""Weights of views over the aperture and the picture: optical vignetting.
 
-A long barrel cuts the aperture for places away from the picture's middle: what passes is the overlap of two
-discs, and blur discs towards the corners are cat's eyes (Ray, "Applied photographic optics", 2002, on
-mechanical vignetting). What is in focus keeps its brightness: the light that is left is made whole again.
+A long barrel cuts the aperture for places away from the picture's middle. Light passes through the overlap of
+two discs, and blur discs towards the corners are cat's eyes (Ray, "Applied photographic optics", 2002, on
+mechanical vignetting). Things in focus keep their brightness: the remaining light is normalised.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ def view_shares(plan: FramePlan) -> Floats:
 
 
 def barrel_rows(plan: FramePlan) -> Floats:
-    """(N, 5) a, b, c, d, e for each view, which has the share clip(e (1 + d - |(a + c x, b + c y)|), 0, 1) of
-    its light at a place (x, y), pixels from the picture's middle.
+    """Return the coefficients (N, 5) a, b, c, d, e of each view's transmission.
 
-    A view stands for a part of the aperture: its light ends over the width of that part.
+    It is clip(e (1 + d - |(a + c x, b + c y)|), 0, 1) at a place (x, y), in pixels from the picture's middle.
+    A view stands for a part of the aperture: its light ends over the width of the part.
     """
     across = plan.spread / np.sqrt(len(plan.offsets))
     rows = np.empty((len(plan.offsets), 5))
@@ -42,8 +42,10 @@ def barrel_rows(plan: FramePlan) -> Floats:
 
 
 def barrel_shift(plan: FramePlan) -> float:
-    """By how much the barrel's opening is shifted against the aperture for each pixel away from the picture's
-    middle, in shares of the aperture's radius."""
+    """Return the shift of the barrel's opening for each pixel from the picture's middle.
+
+    It is in aperture radii.
+    """
     pinhole = plan.canvas.pinhole
     return float(plan.vignetting / (np.hypot(pinhole.width, pinhole.height) / 2))
 

@@ -47,9 +47,9 @@ class WarpedFrame:
     why: str
     """Why it is not the one that was asked for; empty where it is."""
     is_whole: bool
-    """Whether no view may see through the mesh."""
+    """True if the mesh has no holes for any view."""
     depth: PixelDepth | None = None
-    """Of every pixel of the canvas, where it was found."""
+    """Depth of every pixel of the canvas, where it was found."""
     layers: tuple[LayeredDepthImage, ...] = ()
     """That the mesh was made of, near ones first."""
     depth_seconds: float = 0.0
@@ -104,10 +104,14 @@ class MeshedFrame:
     def through(
         self, count: int, prefiltered: bool = True, reuse: bool = False, variant: int = 0
     ) -> WarpedFrame:
-        """The frame made ready for so many views, its texture `prefiltered` for them if its mesher says so.
+        """Prepare the frame for a number of views.
 
-        `reuse` writes over the surface's texture, which saves its memory; nothing is to be made of it after.
-        With a `variant` they are other views of the same aperture.
+        Args:
+            count: Number of views.
+            prefiltered: True to blur the texture for the views, if the mesher allows it.
+            reuse: True to write over the surface's texture, which saves memory; the surface cannot be used
+                afterwards.
+            variant: Gives other views of the same aperture.
         """
         began = time.perf_counter()
         geometry, mesh, texture, share = self.geometry, self.surface.mesh, self.surface.texture, 1.0
@@ -134,8 +138,7 @@ class MeshedFrame:
         )  # fmt: skip
 
     def _cg_surfaces(self, count: int, spread: float) -> tuple[CGSurface, ...]:
-        """CG objects made ready for so many views of an aperture whose open part is `spread` of its
-        radius."""
+        """CG objects prepared for a number of views, whose open aperture is `spread` of its radius."""
         lens, moved = self.geometry.lens, self.steadied
         if moved is not None:
             lens = replace(lens, radius=moved.lens.radius)
@@ -164,11 +167,20 @@ def mesh_frame(
     source: LinearRGBA,
     draw_cg: DrawCG | None = None,
 ) -> MeshedFrame:
-    """Warp mesh of a frame rendered at size (width, height), of its picture (height, width, 4), with what
-    `draw_cg` draws of CG objects.
+    """Make the warp mesh of a frame.
 
-    Raises UserError for settings that mean nothing, where the frame's geometry does not carry them, and where
-    the clip cannot be read. Passes checkpoints.
+    Checkpoints are passed.
+
+    Args:
+        clip: The clip.
+        frame: Number of the frame.
+        settings: The user's settings.
+        size: (width, height) of the drawn picture.
+        source: (height, width, 4) picture of the frame.
+        draw_cg: Draws the CG objects.
+
+    Raises:
+        UserError: The settings do not fit the frame, or the clip cannot be read.
     """
     began = time.perf_counter()
     geometry, mesher, why = _geometry(clip, frame, settings, size, source), MESHERS[settings.method], ""
@@ -197,7 +209,7 @@ def mesh_frame(
     if moved:
         geometry = replace(geometry, lens=moved.own_lens, beyond=_beyond(geometry, moved))
     elif mesher.needs_pixel_depth and not cg.layers and not geometry.lens.is_tilted:
-        # What the clip's own lens has blurred lies elsewhere to the wished one, which would not do there.
+        # Blur of the clip's own lens is reprojected to the wished lens; there is none with a steadier path.
         geometry = replace(geometry, own_lens=clip.own_lens)
     geometry, highlights = _without_small_highlights(geometry, mesher, moved)
     with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
@@ -227,8 +239,10 @@ def _beyond(geometry: FrameGeometry, steadier: Steadied) -> float:
 def _without_small_highlights(
     geometry: FrameGeometry, mesher: Mesher, steadier: Steadied | None
 ) -> tuple[FrameGeometry, HighlightDiscs | None]:
-    """A frame whose picture has no highlights that are drawn as discs, and these; as it is where highlights
-    are off, or a mesher has no layers that tell what is before them."""
+    """A frame without its highlights that are drawn as discs, and these highlights.
+
+    The frame is unchanged if highlights are off, or if the mesher has no layers for their occlusion.
+    """
     settings, depth, lens = geometry.settings, geometry.depth_to_blur, geometry.lens
     if (
         not settings.highlights.gain
@@ -248,8 +262,7 @@ def _without_small_highlights(
 
 
 def _tracked_depth(geometry: FrameGeometry) -> TrackedDepth | None:
-    """The frame's feature points; None where its depth is given, or blurs by what the clip's own lens has
-    left."""
+    """The frame's feature points; None if depth is given, or if the clip's own lens leaves less to blur."""
     if geometry.clip.given_depth is not None or geometry.own_lens is not None:
         return None
     samples, lens = geometry.samples, geometry.lens
@@ -258,24 +271,30 @@ def _tracked_depth(geometry: FrameGeometry) -> TrackedDepth | None:
 
 
 def drawn_size(settings: FrameOptions, size: tuple[int, int]) -> tuple[int, int]:
-    """Size (width, height) that a frame is drawn at which is rendered at a size: a quality may draw depth of
-    every pixel smaller, where what is in focus stays where the frame's own pixels have it."""
+    """Return the size (width, height) at which a frame is drawn.
+
+    A quality may draw it smaller, with sharp pixels from the frame itself.
+
+    Args:
+        settings: The user's settings.
+        size: (width, height) of the result.
+    """
     can_be_small = MESHERS[settings.method].needs_pixel_depth and not settings.stabilize
     return settings.quality.drawn_size(size) if can_be_small else size
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a frame will be, as far as samples of its depth tell without its picture."""
+    """A forecast of a frame from samples of its depth, without its picture."""
 
     views: int
     """About how many virtual cameras it will have; as many as were asked for, if a number was."""
     is_too_large: bool
-    """Whether it is to be drawn by layers and its blur discs are too large for them."""
+    """True if the frame is drawn by layers and its blur discs are too large for them."""
 
 
 def forecast(clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int]) -> Forecast:
-    """What `warp_frame` will make of a frame; UserError as it raises, but for what only the picture tells."""
+    """Forecast the result of `warp_frame`, which raises the same errors."""
     geometry, mesher = _geometry(clip, frame, settings, drawn_size(settings, size)), MESHERS[settings.method]
     disc = _sampled_disc(geometry)
     is_too_large = mesher.needs_pixel_depth and not can_be_layered(geometry.lens, disc)
@@ -303,7 +322,7 @@ def _geometry(
     size: tuple[int, int],
     source: LinearRGBA = NO_PICTURE,
 ) -> FrameGeometry:
-    """What is known of a frame before its depth is found; UserError where the lens means nothing there."""
+    """A frame before its depth is found; UserError for a lens that does not fit it."""
     check_settings(settings)
     reconstruction = clip.reconstruction
     image, _ = reconstruction.image_at(frame)

@@ -1,1 +1,1 @@
-"""Clips and what lies beside them: pictures of frames, metadata, masks, and how a clip is recognised."""
+"""Clips and the files beside them: frames, metadata, masks, and the identity of a clip."""

@@ -41,7 +41,7 @@ from .video_info import VideoInfo
 MOST_STILLS = 100
 """Photos that can be matched each with all others: the pairs take a quarter of a second each."""
 DEPTH_MAP = "depth map"
-"""What a picture beside a clip is called that holds depth (`Footage.beside`)."""
+"""Name of a picture with depth beside a clip (`Footage.beside`)."""
 BRIGHTEST = 65504.0
 """The largest number that a half float holds: sums over hundreds of views of it stay finite."""
 
@@ -86,7 +86,7 @@ class Footage:
     """The video, the folder, or the pattern, absolute."""
     frames: tuple[int, ...]
     width: int
-    """Of the true picture: square pixels, upright."""
+    """Width of the true picture: square pixels, upright."""
     height: int
     fps: float
     files: tuple[Path, ...] = ()
@@ -95,9 +95,9 @@ class Footage:
     """Numbers in the files' names, one per frame, where Blender cannot address them; empty where they are
     `frames`."""
     video: VideoInfo | None = None
-    """Of a video: its frames' times, its sound's, and what is damaged."""
+    """Properties of a video: the times of its frames and its sound, and damage."""
     beside: str = ""
-    """What its pictures are called where they lie beside a clip, as "mask"."""
+    """Name of pictures that lie beside a clip, such as "mask"."""
     is_stills: bool = False
     """Whether the frames are photos in the order of their names, which no time has: of any sizes, `width` and
     `height` being those of the first."""
@@ -108,7 +108,7 @@ class Footage:
 
     @property
     def is_depth(self) -> bool:
-        """Whether its pictures are depth maps."""
+        """Return whether its pictures are depth maps."""
         return self.beside == DEPTH_MAP
 
     @property
@@ -118,12 +118,15 @@ class Footage:
 
     @property
     def colour_space(self) -> str:
-        """What the clip's tags say, as Blender names it; empty for what is usual (`colour_space.of_tags`)."""
+        """Blender's name of the colour space by the clip's tags; empty for the default.
+
+        See `colour_space.of_tags`.
+        """
         return self.video.colour_space if self.video is not None else SRGB
 
     @property
     def notes(self) -> list[str]:
-        """What the user should know of the clip, a line each."""
+        """Notes on the clip for the user, a line each."""
         if self.video is not None:
             return self.video.notes
         found = []
@@ -141,7 +144,7 @@ class Footage:
 
     @cached_property
     def fills_display_window(self) -> bool:
-        """Whether the first picture has the pixels of its whole frame and no others: an EXR may differ."""
+        """Return whether the first picture has exactly the pixels of its whole frame: an EXR may differ."""
         first = self.files[0] if self.files else self.path
         if first.suffix.lower() != ".exr":
             return True
@@ -225,11 +228,17 @@ def open_footage(
 ) -> Footage:
     """Open a video file, a folder of images, or a pattern such as `shot_####.png` or `shot_%04d.png`.
 
-    `frames` narrows the clip to a range or to given frame numbers; `fps` is a sequence's rate; `info` is what
-    is known of this very video, which is decoded to be counted otherwise. `stills` says that the pictures of
-    a folder are photos in no order; those whose names hold no numbers are, unless they are more than
-    `MOST_STILLS`. `beside` is what pictures beside a clip are called (`Footage.beside`). Raises UserError,
-    one line, for anything that cannot be read.
+    Args:
+        path: The clip.
+        frames: Range of frames, or frame numbers.
+        fps: Rate of a sequence.
+        info: Known properties of this video, which is decoded completely without them.
+        stills: True for a folder of unordered photos; pictures whose names have no numbers are photos, too,
+            unless there are more than `MOST_STILLS`.
+        beside: Name of pictures beside a clip (`Footage.beside`).
+
+    Raises:
+        UserError: It cannot be read; the message is one line.
     """
     path = checked_name(_expanded(path))
     try:
@@ -267,7 +276,7 @@ def open_footage(
 def _expanded(path: Path | str) -> Path:
     try:
         return Path(path).expanduser().absolute()
-    except RuntimeError as error:  # ~ of a user who is not known
+    except RuntimeError as error:  # ~ of an unknown user
         raise UserError(f"{path} does not exist: {error}") from None
 
 

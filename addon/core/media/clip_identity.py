@@ -1,4 +1,4 @@
-"""What a clip is recognised by, wherever it lies and whatever it is called."""
+"""The identity of a clip, independent of its path and name."""
 
 from __future__ import annotations
 
@@ -33,10 +33,16 @@ def clip_digest(path: Path) -> str:
 
 
 def is_same_clip(path: Path, wanted: str, at_a_glance: bool = False) -> bool:
-    """Whether a clip has an identity. UserError where it cannot be read.
+    """Return whether a clip has an identity.
 
-    With `at_a_glance` a large clip that was not read since it was changed is judged by its size: a panel
-    cannot wait for the whole.
+    Args:
+        path: The clip.
+        wanted: The identity.
+        at_a_glance: True to judge a large clip that was not read since its last change by its size: a panel
+            cannot wait.
+
+    Raises:
+        UserError: The clip cannot be read.
     """
     files = _files(path)
     if not files.is_large:

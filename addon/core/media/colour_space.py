@@ -18,7 +18,7 @@ from ..base.errors import UserError
 from .picture_file import Pixels
 
 SRGB = ""
-"""What a clip without other tags is taken for: Rec.709 primaries, decoded as sRGB, as Blender does it."""
+"""Colour space of a clip without other tags: Rec.709 primaries, decoded as sRGB, as in Blender."""
 _TRANSFERS = {16: "Rec.2100-PQ", 18: "Rec.2100-HLG"}
 """Names in Blender's configuration by the code of transfer characteristics (ITU-T H.273, table 3)."""
 _PRIMARIES = {9: "Rec.2020", 12: "Display P3"}
@@ -28,15 +28,19 @@ TOP = 65535
 
 
 def of_tags(transfer: int, primaries: int) -> str:
-    """The name in Blender's configuration of a video's colour space by its tags (ITU-T H.273); `SRGB` for
-    what is usual or untagged, as clips in a camera's log mostly are."""
+    """Return Blender's name of a video's colour space by its tags (ITU-T H.273).
+
+    It is `SRGB` for usual or missing tags, as most clips in a camera's log have.
+    """
     return _TRANSFERS.get(transfer, _PRIMARIES.get(primaries, SRGB))
 
 
 @dataclass(frozen=True)
 class ColourSpace:
-    """How stored values become linear light of Blender's working space: with E = curve(stored) for each
-    channel, light = matrix (E Y^(system_gamma - 1)), where Y = luminance E."""
+    """The conversion from stored values to linear light of Blender's working space.
+
+    With E = curve(stored) for each channel, light = matrix (E Y^(system_gamma - 1)), where Y = luminance E.
+    """
 
     name: str
     """In Blender's colour configuration."""
@@ -56,10 +60,12 @@ class ColourSpace:
         return bool(np.abs(self.curve - line).max() <= 1e-4 * np.abs(self.curve).max())
 
     def to_light(self, stored: Pixels) -> NDArray[np.float32]:
-        """(H, W, 3 or 4) as stored -> the same in linear light, alpha premultiplied; below 0 where a colour
-        lies outside of the working space's gamut.
+        """Return stored values (H, W, 3 or 4) in linear light, with premultiplied alpha.
 
-        UserError for floats, which EXR holds and which are light already, in a space that is not linear.
+        Colours outside of the working space's gamut are below 0.
+
+        Raises:
+            UserError: Floats, which EXR holds and which are light already, in a space that is not linear.
         """
         colour = stored[..., :3]
         if stored.dtype == np.float32:

@@ -22,7 +22,7 @@ SAME = 0.01
 RUN = 8
 """Frames over which the fastest rate is taken: single times jitter."""
 FASTEST = 240.0
-"""Frames a second; what follows closer is glitches of a recorder, not pictures that are to be told apart."""
+"""Frames a second; frames closer in time are glitches of a recorder."""
 
 
 def movie_rate(footage: Footage) -> float:
@@ -37,12 +37,20 @@ def movie_rate(footage: Footage) -> float:
 
 
 def held_frames(seconds: Sequence[float], end: float, rate: float, sound: float) -> NDArray[np.intp]:
-    """Which of the frames each frame of a movie shows, (n,): index into `seconds`, which rise.
+    """Return the frame that each frame of a movie with a constant rate shows.
 
-    Each begins at the movie's frame next to its own time, counted from the `sound`, which begins at one of
-    the movie's frames, too: picture and sound are at most half of such a frame apart. Where two lie closer
-    than that, the second comes a frame later; what would come too late by more is left out. The last is held
-    until `end`.
+    Each frame begins at the movie's frame nearest to its own time, counted from the sound, which also begins
+    at one of the movie's frames: picture and sound differ by at most half a frame. If two frames are closer
+    than that, the second comes a frame later; a frame that would be later by more is left out.
+
+    Args:
+        seconds: Times of the frames, ascending.
+        end: Time until which the last one is held.
+        rate: Frames a second.
+        sound: Start of the sound.
+
+    Returns:
+        (n,) indices into `seconds`.
     """
     own = (np.asarray(seconds) - sound) * rate
     first = round(own[0])

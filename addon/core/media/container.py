@@ -21,9 +21,9 @@ DEMUXERS = (
     "webm", "mjpeg", "mov", "mp4", "m4a", "3gp", "3g2", "mj2", "mpeg", "mpegts", "mpegvideo", "mxf", "nut",
     "obu", "ogg", "rm", "vc1", "wtv", "yuv4mpegpipe",
 )  # fmt: skip
-"""FFmpeg's names of the containers that are read. What is not here opens other files, devices or the network
-(ffconcat, HLS, SDP, DASH, IMF ...), or holds no video. A clip's identity is that of its own file, and a
-stranger's file must not choose what is read."""
+"""FFmpeg's names of the containers that are read. Others open more files, devices or the network (ffconcat,
+HLS, SDP, DASH, IMF ...), or hold no video. A clip's identity is that of the file, and a foreign file must not
+choose other files."""
 _OPTIONS = {"protocol_whitelist": "file", "format_whitelist": ",".join(DEMUXERS)}
 _LISTS = (b"ffconcat", b"#extm3u", b"v=0", b"<mpd", b"<?xml", b"[playlist]")
 """How the text of playlists begins."""
@@ -147,10 +147,10 @@ def _start(container: InputContainer, stream: AudioStream) -> float | None:
 
 
 def copy_sound(path: Path, track: int, out: Path) -> None:
-    """Copy one sound track of a video, as it is coded, into a file of its own, whose suffix is its format.
+    """Copy one sound track of a video, as it is coded, into a file whose suffix is its format.
 
     Raises:
-        OSError: if it cannot be written.
+        OSError: The file cannot be written.
     """
     container, _ = open_video(path)
     with container, av.open(str(out), "w") as copy:

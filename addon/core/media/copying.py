@@ -13,9 +13,10 @@ from .clip import Footage
 
 
 def copy_file(source: Path, target: Path) -> None:
-    """Copy a file, whole or not at all; nothing is done where the same file is there already.
+    """Copy a file completely or not; nothing is done if the same file is there already.
 
-    UserError where another file is there, or it cannot be written.
+    Raises:
+        UserError: Another file is there, or it cannot be written.
     """
     if target.exists():
         if not target.samefile(source) and file_digest(target) != file_digest(source):

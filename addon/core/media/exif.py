@@ -1,4 +1,4 @@
-"""What a photo's file says of the lens: EXIF in JPEG, TIFF and PNG.
+"""The lens in a photo's metadata: EXIF in JPEG, TIFF and PNG.
 
 CIPA DC-008, "Exchangeable image file format for digital still cameras: Exif Version 2.32", 2019.
 """
@@ -17,22 +17,22 @@ LARGEST = 2**20
 EXIF_IFD, WIDTH, HEIGHT = 0x8769, 0xA002, 0xA003
 FOCAL_MM, EQUIVALENT, RESOLUTION, RESOLUTION_UNIT = 0x920A, 0xA405, 0xA20E, 0xA210
 MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
-"""Of the units of resolution; without one it is inches."""
+"""Millimetres of the units of resolution; the default is inches."""
 SENSORS = (1.0, 70.0)
 """Millimetres of the long side of sensors that there are, from endoscopes' to medium format's."""
 ASPECT = 0.01
 """Relative difference of the shapes of a picture above which it was cropped: reducing rounds sides."""
 _FORMATS = {1: "B", 3: "H", 4: "I", 5: "II", 9: "i", 10: "ii"}
-"""Of the types of values; texts and the like tell nothing here."""
+"""Formats of the types of values; texts and other types are not used."""
 
 
 @dataclass(frozen=True)
 class PhotoData:
-    """What was written when the photo was taken; None where nothing was."""
+    """The lens data of a photo; None for missing values."""
 
     width: int | None = None
     height: int | None = None
-    """Pixels of the photo as it was taken: who reduces it leaves them as they were."""
+    """Pixels of the original photo; reducing it leaves them unchanged."""
     focal_mm: float | None = None
     equivalent: float | None = None
     """Millimetres, of a 35 mm camera with the same angle of view."""
@@ -40,15 +40,14 @@ class PhotoData:
     """Pixels a millimetre of the sensor, across, of the photo as it was taken."""
 
     def was_cropped(self, width: int, height: int) -> bool:
-        """Whether a file of this size shows a part of what the lens saw; turned by 90 degrees it does not."""
+        """Return whether a file of this size is a crop of the photo; a turn by 90 degrees is not."""
         if not (self.width and self.height):
             return False
         own, long_side = max(width, height) / min(width, height), max(self.width, self.height)
         return abs(own * min(self.width, self.height) / long_side - 1) > ASPECT
 
     def focal(self, width: int, height: int) -> float | None:
-        """Focal length in pixels of a file of this size; None where nothing tells it, or it contradicts the
-        file."""
+        """Return the focal length in pixels of a file of this size; None if unknown or contradictory."""
         if self.was_cropped(width, height):
             return None
         found = None
@@ -62,7 +61,7 @@ class PhotoData:
 
 
 def photo_data(path: Path) -> PhotoData | None:
-    """What a photo's file says of its lens; None where there is no EXIF, or it is damaged."""
+    """Return the lens data of a photo's file; None if EXIF is missing or damaged."""
     try:
         with open_regular(path) as file:
             data = file.read(LARGEST)

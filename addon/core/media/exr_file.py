@@ -1,7 +1,7 @@
-"""Writing OpenEXR files of any channels, as "Technical Introduction to OpenEXR" and "File Layout" tell.
+"""Writer of OpenEXR files with any channels, by "Technical Introduction to OpenEXR" and "File Layout".
 
-Blender writes such files from renders alone, under names of its own making; others' writers are not
-packaged (see `picture_file`).
+Blender writes such files from renders only, with its own names; other writers are not packaged (see
+`picture_file`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ZIP, _ZIP_ROWS = 3, 16
 """The compression, and how many rows it takes together."""
 _KINDS = {np.dtype(np.float16): 1, np.dtype(np.float32): 2}
 LEVEL = 4
-"""Of zlib: little larger files than of its default, sooner. Chosen by inspection."""
+"""Level of zlib: files hardly larger than with its default, in less time. Chosen by inspection."""
 
 
 def write_exr(path: Path, channels: Mapping[str, Channel]) -> None:
@@ -64,8 +64,10 @@ def _bytes_of(rows: Channel) -> NDArray[np.uint8]:
 
 
 def _packed(data: NDArray[np.uint8]) -> bytes:
-    """Bytes (n,) as OpenEXR's ZIP keeps them: every second byte first, as differences; or as they are where
-    that is no shorter."""
+    """Bytes (n,) compressed as by OpenEXR's ZIP: every second byte first, as differences.
+
+    They are unchanged if that is not shorter.
+    """
     apart = np.concatenate([data[::2], data[1::2]])
     apart[1:] = apart[1:] - apart[:-1] + np.uint8(128)
     packed = zlib.compress(apart.tobytes(), LEVEL)

@@ -1,7 +1,7 @@
-"""The parts, channels and windows of an OpenEXR file, and one channel of many as a file of its own.
+"""Parts, channels and windows of an OpenEXR file, and one of its channels as a separate file.
 
-Blender's decoder takes files of one layer only, and gives the pixels of the data window. What is compressed
-stays as it is: a header with other names is put before it ("OpenEXR File Layout").
+Blender's decoder reads files of one layer only, and returns the pixels of the data window. Compressed pixels
+are not changed: only the header gets other names ("OpenEXR File Layout").
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ MOST_LISTED = 12
 """Channels that a message lists."""
 
 MOST_BYTES = 1 << 24
-"""Of an attribute, such as a preview picture."""
+"""Most bytes of an attribute, such as a preview picture."""
 MOST_PIXELS = 1 << 28
-"""Of a display window."""
+"""Most pixels of a display window."""
 VALUES = ("z", "depth", "v", "y", "r", "x")
 """Channels that hold the values of a depth layer, the first one before the others."""
 
@@ -73,7 +73,7 @@ class Part:
 
     @property
     def channels(self) -> dict[str, bytes]:
-        """What the file says of each channel, by name, in the order of their pixels."""
+        """The header's entry of each channel, by name, in the order of their pixels."""
         found, listed = dict[str, bytes](), self.attributes["channels"][1]
         while listed[:1] not in (b"", b"\0"):
             name, listed = listed.split(b"\0", 1)
@@ -98,7 +98,7 @@ class Part:
 
 @dataclass(frozen=True)
 class ExrHeader:
-    """What stands before the pixels of a file."""
+    """The header of a file."""
 
     flags: int
     parts: tuple[Part, ...]
@@ -140,10 +140,10 @@ def depth_channel(header: ExrHeader) -> Channel | None:
     """Find the channel that holds depth, by its name and that of its layer.
 
     Returns:
-        The channel; None for a file of one layer in which no name says depth: its grey pixels count.
+        The channel; None for a file of one layer without a name for depth: its grey pixels count.
 
     Raises:
-        LayerError: if no layer holds depth, or several do.
+        LayerError: No layer holds depth, or several do.
     """
     ranks = {each: rank for each in header.channels if (rank := _depth_rank(each, header)) is not None}
     found = [each for each, rank in ranks.items() if rank == min(ranks.values())]
@@ -218,8 +218,10 @@ def alone(data: bytes, header: ExrHeader, channel: Channel) -> bytes:
 
 
 def _renamed(names: list[str], wanted: str) -> list[str]:
-    """Names without a layer, in the same order: that of the wanted channel is kept where it is the only one,
-    else it is Y, which decoders take for grey."""
+    """Channel names without a layer, in the same order.
+
+    A single wanted channel keeps its name; others become Y, which decoders read as grey.
+    """
     if len(names) == 1:
         return [wanted.rpartition(".")[2]]
     place = names.index(wanted)

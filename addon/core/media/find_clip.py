@@ -1,4 +1,4 @@
-"""Finding a clip again that does not lie where it lay: by its name, and by what is in it."""
+"""Search for a clip that was moved, by its name and content."""
 
 from __future__ import annotations
 
@@ -26,8 +26,7 @@ def clip_exists(path: Path) -> bool:
 
 
 def is_clip(path: Path, wanted: str, at_a_glance: bool = False) -> bool:
-    """Whether a path leads to the clip of the identity `wanted`, as `is_same_clip`; not where it cannot be
-    read."""
+    """Return whether a path leads to the clip of an identity; False if it is unreadable."""
     try:
         return clip_exists(path) and is_same_clip(path, wanted, at_a_glance)
     except UserError:

@@ -19,10 +19,10 @@ from ..base.progress import checkpoint
 from .container import Sound, find_sound, open_video
 
 DEFAULT_RATE = Fraction(24)
-"""Frames a second of a clip that tells no usable rate: cinema's."""
+"""Frames a second of a clip without a usable rate: cinema's."""
 _STRICT = {"err_detect": "crccheck+bitstream+buffer+explode"}
 _HIDING = ("ffv1", "hevc", "mjpeg")
-"""Decoders that tell of broken packets only where they are strict; others mark what they mended."""
+"""Decoders that report broken packets in strict mode only; others mark repaired frames."""
 _RACING = ("mpeg4",)
 """Decoders that, where several threads decode frames, hand a frame on before they know whether it is damaged:
 on a busy machine a quarter of 300 passes over one damaged clip found nothing."""
@@ -31,29 +31,29 @@ _WHOLE = ("matroska", "mov")
 _HIDES = ("vp8", "vp9")
 """Codecs some of whose packets are never shown, only referred to."""
 NEAR = 0.6
-"""Of the median time between frames: a broken packet nearer than that to a frame that is shown is this frame.
-Over a half, which is where a field lies."""
+"""Share of the median frame interval within which a broken packet belongs to a shown frame; a field lies at a
+half."""
 SHORT = 0.1
 """Seconds by which a container may promise more than it holds: some count a packet of sound more, ASF its
 preroll, and FLV's writers round."""
 INDEX = 24
 """Bytes of an AVI's index with one entry, without which it ends in a packet: each has a head of 8 bytes."""
 ABRUPT = 0.75
-"""Of the longest time between two frames: how much earlier than its own stream says a video may end."""
+"""Share of the longest frame interval by which a video may end earlier than its stream's duration."""
 
 
 @dataclass(frozen=True)
 class FrameTable:
-    """What a pass over a video found."""
+    """The result of a pass over a video."""
 
     tick: tuple[int, int]
     """Seconds of a unit of time, as a fraction."""
     times: tuple[int, ...]
-    """Of the frames as they are shown, in ticks; where `is_timed` is False they only count them."""
+    """Times of the frames in display order, in ticks; if `is_timed` is False they only count frames."""
     is_timed: bool
     """Whether the times are the file's, and increase."""
     rates: tuple[Fraction, ...]
-    """Frames a second that the file tells, most trusted first; at least one."""
+    """Frames a second by the file, the most trusted first; at least one."""
     keys: tuple[int, ...]
     """Numbers of frames, from 1 on, from which decoding may begin: the first, and others where the container
     has an index of them."""
@@ -62,16 +62,16 @@ class FrameTable:
     missing: int
     """Frames that the container promises past its end."""
     sound: Sound | None
-    """Of the sound, with its start in seconds from the first frame; None without a sound track."""
+    """The sound, with its start in seconds from the first frame; None without a sound track."""
     sizes: tuple[tuple[int, int, int], ...]
     """Where the size of the stored pictures begins or changes: frame number, width and height in pixels."""
     is_interlaced: bool
-    """Whether most frames are marked as two fields of different times."""
+    """True if most frames are marked as two fields of different times."""
 
 
 @dataclass
 class _Pass:
-    """What is collected while a file is read."""
+    """The values collected while a file is read."""
 
     packets: list[int | None] = field(default_factory=list)
     """Times of the packets that are to be shown."""
@@ -88,7 +88,7 @@ class _Pass:
     corrupt: set[int] = field(default_factory=set)
     """Places in `frames` of those that the decoder calls damaged."""
     broken: list[tuple[int | None, int]] = field(default_factory=list)
-    """Of packets that could not be decoded, or are not whole: time, and how many frames were shown before."""
+    """Packets that are broken or incomplete: their time, and the number of frames shown before."""
     promised: int = 0
     """Entries of the container's own index of pictures, before any is read."""
     reach: int = 0
@@ -107,7 +107,7 @@ def read_table(path: Path) -> FrameTable:
     with container:
         found = _read(container, stream, "AUTO")
     if found.broken and not _is_whole(container):
-        # With threads the decoder tells of a broken packet some packets later.
+        # With threads, the decoder reports a broken packet some packets later.
         container, stream = open_video(path)
         with container:
             found = _read(container, stream, "NONE")
@@ -140,7 +140,7 @@ def _read(container: InputContainer, stream: VideoStream, threads: str) -> _Pass
 
 
 def _packets(container: InputContainer) -> Iterator[Packet[Any]]:
-    """Of all streams, up to the end, or to where the file cannot be read on."""
+    """The packets of all streams, up to the end or to the first unreadable part."""
     packets = container.demux()
     while True:
         try:
@@ -240,7 +240,7 @@ def _lost(container: InputContainer, stream: VideoStream, found: _Pass, known: l
 
 
 def _end(packet: Packet[Any]) -> Fraction:
-    """When a packet that tells its time ends, in seconds."""
+    """The end of a timed packet in seconds."""
     return ((packet.pts or 0) + (packet.duration or 0)) * _fraction(packet.time_base)
 
 

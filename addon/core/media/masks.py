@@ -1,4 +1,4 @@
-"""The user's masks of what moves by itself: found, read, and brought to the size of the clip."""
+"""The user's masks of moving pixels, read and scaled to the clip."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Masks(SideFiles):
     WITHOUT = "; moving objects are found automatically there"
 
     def at(self, frame: int) -> Map | None:
-        """(H, W) over the clip's picture, the opacity in [0, 1] of what moves by itself; None for a frame
-        without a mask.
+        """Return the opacity (H, W) in [0, 1] of moving pixels over the clip's picture; None without a mask.
 
-        UserError naming the file if it cannot be read.
+        Raises:
+            UserError: The file, which is named, cannot be read.
         """
         if frame not in self.numbers:
             return None
@@ -39,12 +39,17 @@ class Masks(SideFiles):
 
 
 def open_masks(path: Path, footage: Footage) -> Masks:
-    """Find the masks of a clip: a folder, a pattern such as `mask_####.png`, or one picture of a sequence.
+    """Open the masks of a clip.
 
-    White moves by itself, black stands still, and what is between is that share of both. Of a picture that is
-    transparent somewhere its alpha is the mask, whatever its colours are: a cut-out.
-    `side_files.match_frames` tells whose they are. Raises UserError where there is no mask or none fits a
-    frame.
+    White moves, black is static, and gray is a share. The alpha of a picture with any transparency is its
+    mask, whatever its colours are: a cut-out. `side_files.match_frames` assigns files to frames.
+
+    Args:
+        path: A folder, a pattern such as `mask_####.png`, or one picture of a sequence.
+        footage: The clip.
+
+    Raises:
+        UserError: There is no mask, or none fits a frame.
     """
     return Masks.of(_pattern(path), footage)
 
@@ -62,8 +67,7 @@ def _pattern(path: Path) -> Path:
 
 
 def _opacity(picture: Pixels) -> Map:
-    """(h, w) in [0, 1] what a picture (h, w, 3 or 4) as stored says: its alpha, or where that is 1 everywhere
-    how white it is."""
+    """(h, w) opacity in [0, 1] of a picture (h, w, 3 or 4): its alpha, or its brightness if alpha is 1."""
     top = {"uint8": 255, "uint16": 65535}.get(picture.dtype.name, 1)
     share = np.nan_to_num(np.asarray(picture, np.float32) / np.float32(top))
     has_alpha = picture.shape[2] == 4 and share[..., 3].min(initial=1) < 1

@@ -1,14 +1,14 @@
-"""Noise of a clip, measured in the flattest parts of a few of its frames, and synthetic noise like it.
+"""Noise of a clip, measured in the flattest parts of a few frames, and synthetic noise like it.
 
-All values are display-encoded by the sRGB curve, 1 being white. There the noise of a sensor is about as
-strong at all levels, and the steps of a codec are equal. Noise has three components, orthogonal axes of red,
-green and blue: brightness, and two colours that are alike. Brightness and colour each have a spectrum and a
-standard deviation: coded noise is not white, and coarser in colour.
+All values are display-encoded by the sRGB curve, 1 being white. So encoded, sensor noise is about equally
+strong at every level, and the steps of a codec are equal. Noise has three components, orthogonal axes of red,
+green and blue: brightness, and two similar colours. Brightness and colour each have a spectrum and a standard
+deviation: coded noise is not white, and coarser in colour.
 
-Texture adds to the variance of a block. So noise is measured where a clip varies least, as for AV1 (Norkin
-and Birkbeck, "Film grain synthesis for AV1 video codec", 2018), and a picture gets no more than it shows
-nearby. The flattest blocks of a clip of nothing but texture have texture, too; but optical flow finds texture
-again a few frames later, and fresh noise not.
+Texture adds to the variance of a block. Noise is therefore measured where a clip varies least, as for AV1
+(Norkin and Birkbeck, "Film grain synthesis for AV1 video codec", 2018), and a picture gets no more than it
+shows nearby. Even the flattest blocks of a clip full of texture have texture; but optical flow finds texture
+again a few frames later, and noise is new in each frame.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ TILE = 256
 WIDEST = 24.0
 """Diameter in pixels of a blur disc that leaves nothing of the noise."""
 ENTRIES = 256
-"""Entries of the table of what discs leave."""
+"""Entries of the table of the noise left by discs."""
 FAINT = 1e-3
 """Least power of a frequency, as a share of the strongest one: estimates may be negative."""
 NODES = 64
@@ -92,7 +92,7 @@ class Noise:
 
     @property
     def is_visible(self) -> bool:
-        """Whether it is strong enough to be seen."""
+        """Return whether the noise is strong enough to be visible."""
         return self.strength >= VISIBLE
 
     def components(self, size: tuple[int, int], seed: int) -> Map:
@@ -107,8 +107,11 @@ class Noise:
         return np.asarray(cv2.merge([each[inner] for each in filtered]), np.float32)
 
     def left(self, disc: Map) -> Map:
-        """Return the share (..., 3) of each component's standard deviation that blur leaves, by the diameters
-        (...) of blur discs in pixels."""
+        """Return the share (..., 3) of each component's standard deviation that blur leaves.
+
+        Args:
+            disc: (...) diameters of blur discs in pixels.
+        """
         # Square roots of diameters are equally far apart.
         at = np.sqrt(np.minimum(np.abs(disc) / np.float32(WIDEST), 1)) * np.float32(ENTRIES - 1)
         return np.asarray(self._left[at.astype(np.uint8)])
@@ -147,7 +150,9 @@ class Noise:
 
 
 def measured(read: Callable[[int], Pixels], frames: Sequence[int]) -> Noise | None:
-    """Measure the noise of a clip. Passes checkpoints.
+    """Measure the noise of a clip.
+
+    Passes checkpoints.
 
     Args:
         read: Function that returns a frame's picture (H, W, 3 or 4) as stored.
@@ -212,7 +217,7 @@ def _encoded(picture: Pixels) -> Map:
 
 
 def _residual(blocks: Map) -> Map:
-    """What a plane leaves of each component of blocks (n, 3, BLOCK, BLOCK)."""
+    """The residual of a plane in each component of blocks (n, 3, BLOCK, BLOCK)."""
     ramp = (np.arange(BLOCK) - (BLOCK - 1) / 2).astype(np.float32)
     whole = np.float32(BLOCK * (ramp**2).sum())
     rest = blocks - blocks.mean(axis=(2, 3), keepdims=True)
@@ -222,8 +227,10 @@ def _residual(blocks: Map) -> Map:
 
 
 def _finest(picture: Map) -> Map:
-    """(H, W) squares of the finest detail of the brightness of a picture (H, W, 3): Immerkaer, "Fast noise
-    variance estimation", 1996."""
+    """(H, W) squared finest detail of the brightness of a picture (H, W, 3).
+
+    Immerkaer, "Fast noise variance estimation", 1996.
+    """
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
     return np.asarray(cv2.filter2D(picture @ AXES[:, 0], cv2.CV_32F, kernel) ** 2)
 
@@ -245,8 +252,10 @@ def _of_blocks(blocks: Map, moved: Map | float = 0.0, step: float = 0.0) -> Nois
 
 
 def _disc_transfers(diameter: Floats) -> Floats:
-    """(n, m) transforms of discs of diameters (n,) in pixels, at the m frequencies of a square of twice
-    `BLOCK` pixels."""
+    """(n, m) transforms of discs of diameters (n,) in pixels, at m frequencies.
+
+    They are the frequencies of a square of twice `BLOCK` pixels.
+    """
     across = np.fft.fftfreq(2 * BLOCK)
     frequency, at = np.unique(np.round(np.hypot(across[:, None], across).ravel(), 6), return_inverse=True)
     return np.asarray(_disc_transfer(np.pi * diameter[:, None] * frequency)[:, at])
@@ -254,8 +263,10 @@ def _disc_transfers(diameter: Floats) -> Floats:
 
 @cache
 def _window() -> tuple[Map, Floats]:
-    """(BLOCK, BLOCK) weights of a block's pixels, and the power (BLOCK, BLOCK) by frequency that they and
-    `_residual` leave of white noise."""
+    """(BLOCK, BLOCK) weights of a block's pixels, and the power by frequency left of white noise.
+
+    `_residual` is included.
+    """
     window = np.outer(*[np.hanning(BLOCK + 2)[1:-1]] * 2)
     pixels = np.eye(BLOCK**2, dtype=np.float32).reshape(-1, 1, BLOCK, BLOCK)
     power = (np.abs(np.fft.fft2(_residual(pixels) * window)) ** 2).sum(axis=(0, 1))

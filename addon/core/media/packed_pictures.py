@@ -51,10 +51,13 @@ def is_packed(path: Path) -> bool:
 
 
 def open_packed(path: Path, clip: Footage, beside: str = "") -> PackedPictures:
-    """The pictures of a file, for a clip that is open: the maps of an .npz, the first one being that of the
-    clip's first frame, or the pictures of a .zip, which have the numbers of their names.
+    """Open the pictures of a file for an open clip.
 
-    UserError, one line, where the file cannot be read or holds nothing of the kind.
+    They are the maps of an .npz, of which the first one belongs to the clip's first frame, or the pictures of
+    a .zip, numbered by their names.
+
+    Raises:
+        UserError: The file cannot be read, or has no pictures; the message is one line.
     """
     try:
         if path.suffix.lower() == ".zip":
@@ -69,7 +72,7 @@ def open_packed(path: Path, clip: Footage, beside: str = "") -> PackedPictures:
 
 
 def about_as_many(one: int, other: int) -> bool:
-    """Whether two counts of a clip's frames differ by no more than programs disagree on."""
+    """Return whether two counts of a clip's frames differ by no more than programs disagree on."""
     few, many = sorted((one, other))
     return many - few <= MISCOUNTED and few >= LEAST_SHARE * many
 

@@ -32,8 +32,8 @@ PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
 ARRAY = ".npz"
 """Ending of a file that holds a map as an array."""
 ARRAYS = ("depths", "depth")
-"""Names of that array: the first of Video-Depth-Anything and MegaSaM, the second of DepthCrafter,
-Depth-Anything-3 and Depth Pro."""
+"""Names of this array: the first of Video-Depth-Anything and MegaSaM, the second of DepthCrafter, Depth-
+Anything-3 and Depth Pro."""
 
 
 def read_picture(path: Path, is_depth: bool = False) -> Pixels:
@@ -41,13 +41,13 @@ def read_picture(path: Path, is_depth: bool = False) -> Pixels:
 
     Args:
         path: The file.
-        is_depth: Whether it is a depth map: of several layers of an EXR the one that holds depth counts.
+        is_depth: True for a depth map: among several layers of an EXR the one with depth counts.
 
     Returns:
-        (H, W, 3 or 4) RGB or RGBA as stored: uint8, uint16, or float32, which EXR is.
+        (H, W, 3 or 4) RGB or RGBA as stored: uint8, uint16, or float32 for EXR.
 
     Raises:
-        UserError: if it cannot be read or decoded.
+        UserError: It cannot be read or decoded.
     """
     try:
         return _decoded(path, is_depth)
@@ -84,7 +84,11 @@ def _decoded(path: Path, is_depth: bool) -> Pixels:
 
 
 def decode_picture(data: bytes, name: str, is_depth: bool = False) -> Pixels:
-    """As `read_picture`, of a file's bytes; `name` tells its kind. UserError where it cannot be decoded."""
+    """Decode the bytes of a picture file, whose name gives its kind, like `read_picture`.
+
+    Raises:
+        UserError: It cannot be decoded.
+    """
     if name.lower().endswith(".exr"):
         return _read_exr(data, name, is_depth)
     try:

@@ -41,12 +41,13 @@ def is_pattern(path: Path) -> bool:
 
 
 def clip_files(path: Path) -> list[Path]:
-    """List the files of a clip, sorted by name: the video itself, the pictures of a folder or, where it has
-    none, its arrays, or those a pattern matches.
+    """List the files of a clip, sorted by name.
+
+    They are the video itself, the pictures of a folder, or else its arrays, or the files of a pattern.
 
     Raises:
-        UserError: if a pattern's folder is missing.
-        OSError: if the folder cannot be listed.
+        UserError: A pattern's folder is missing.
+        OSError: The folder cannot be listed.
     """
     if is_pattern(path):
         return sorted(pattern_numbers(path))
@@ -61,15 +62,15 @@ def pattern_numbers(path: Path) -> dict[Path, int]:
     """Find the files that a pattern matches, and their frame numbers.
 
     Args:
-        path: Pattern in which # is one digit, %04d at least four. Of several such places the frame number is
-            the one that differs between the files. Where no file matches all places, only the last one
+        path: Pattern in which # is one digit, and %04d at least four. With several such places the frame
+            number is the one that differs between the files. If no file matches all places, only the last one
             counts, as in names of rendered frames: the # in `take #3_####.png` is a part of the name.
 
     Returns:
-        File -> frame number, empty where nothing matches.
+        File -> frame number; empty without a match.
 
     Raises:
-        UserError: if the pattern's folder is missing.
+        UserError: The pattern's folder is missing.
     """
     if not path.parent.is_dir():
         raise UserError(f"{path.parent} does not exist; choose the folder that holds {path.name}")
@@ -90,14 +91,14 @@ def pattern_numbers(path: Path) -> dict[Path, int]:
 def name_numbers(names: Sequence[str]) -> list[int] | None:
     """Read the frame numbers from file names without a pattern.
 
-    Of several numbers in a name, as in `desk_1001_v02.png`, the frame number is the last one that differs
-    between all names.
+    The frame number of a name with several, as in `desk_1001_v02.png`, is the last one that differs between
+    all names.
 
     Args:
         names: File names, or paths in an archive.
 
     Returns:
-        One number a name, None where a name has none. Two names may have the same one.
+        One number a name; None if a name has none. Two names may have the same one.
     """
     rows = [list(map(int, _DIGITS.findall(PurePosixPath(name).stem))) for name in names]
     if not all(rows):
@@ -172,7 +173,7 @@ def _counter(rows: list[list[int]]) -> int:
     """Which of the numbers in each name counts the frames, from 1 for the last one."""
     shared = range(1, min(map(len, rows)) + 1)
     values = {place: {row[-place] for row in rows} for place in shared}
-    # Each frame has a number of its own, and one that Blender can address before one that it cannot.
+    # Frames have different numbers, and those that Blender can address come first.
     return max(shared, key=lambda place: (len(values[place]), max(values[place]) <= LAST_FRAME, -place))
 
 

@@ -14,7 +14,7 @@ from .packed_pictures import about_as_many, is_packed, open_packed
 from .picture_file import Pixels
 
 STRETCH = 0.02
-"""By which their shape may differ from the clip's before a note says so."""
+"""Relative difference from the clip's shape from which a note is given."""
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class SideFiles:
     """Pictures beside a clip, one for each frame or for some."""
 
     KIND: ClassVar[str]
-    """What one of them is called."""
+    """Name of one of the pictures."""
     WITHOUT: ClassVar[str] = ""
-    """What becomes of frames without one, at the end of the note that counts them."""
+    """Effect on frames without one, at the end of the note that counts them."""
 
     footage: Footage
     """The clip, or the part of it that was solved."""
@@ -33,12 +33,15 @@ class SideFiles:
     numbers: dict[int, int]
     """The clip's frame -> the picture's; frames without a picture are missing."""
     notes: tuple[str, ...] = ()
-    """What the user should know."""
+    """Notes for the user."""
 
     @classmethod
     def of(cls, path: Path, footage: Footage) -> Self:
-        """The pictures of a clip in a folder, of a pattern, or packed into one file; UserError where there
-        are none or none fits a frame."""
+        """Open the pictures beside a clip: a folder, a pattern, or one packed file.
+
+        Raises:
+            UserError: There are none, or none fits a frame.
+        """
         try:
             pictures = (
                 open_packed(path, footage, cls.KIND)
@@ -60,8 +63,11 @@ class SideFiles:
         return tuple(self.numbers)
 
     def stored(self, frame: int) -> Pixels:
-        """The picture (H, W, 3 or 4) of one of `frames`, as `Footage.read`; UserError naming the file where
-        it cannot be read."""
+        """Return the picture (H, W, 3 or 4) of one of `frames`, as `Footage.read`.
+
+        Raises:
+            UserError: The file, which is named, cannot be read.
+        """
         try:
             return self.pictures.read(self.numbers[frame])
         except UserError as error:

@@ -39,9 +39,14 @@ _known: dict[tuple[str, int, int, int], VideoInfo] = {}
 
 
 def video_info(path: Path, known: VideoInfo | None = None) -> VideoInfo:
-    """What is known of a video: `known`, which is kept for later calls, or found by decoding all of it once.
+    """Return the properties of a video, which are remembered.
 
-    UserError where it cannot be read or is truncated.
+    Args:
+        path: The video.
+        known: Its properties; without them it is decoded completely.
+
+    Raises:
+        UserError: It cannot be read, or is truncated.
     """
     state = path.stat()
     key = str(path), state.st_size, state.st_mtime_ns, state.st_ctime_ns
@@ -84,7 +89,7 @@ class VideoReader:
             self._begin(info, key)
         found = self._decode_to(info, frame)
         if found is None and self._container is not None and key > 1:
-            # Not every container's index leads where it says.
+            # Some containers have a wrong index.
             self._begin(info, 1)
             found = self._decode_to(info, frame)
         if found is None:
@@ -161,14 +166,14 @@ def _decode_all(path: Path) -> VideoInfo:
 
 
 class FirstFrame(NamedTuple):
-    """What the first frame tells of a video; the fields are those of `VideoInfo`."""
+    """Properties of a video from its first frame; the fields are those of `VideoInfo`."""
 
     width: int
     height: int
     colour_space: str
     view: BlenderView
     lacks_alpha: bool
-    """Whether the file has transparency that is not decoded."""
+    """True if the file has transparency that is not decoded."""
 
 
 def first_frame(path: Path) -> FirstFrame:
@@ -182,7 +187,7 @@ def first_frame(path: Path) -> FirstFrame:
         for frame in _decoded(container, stream):
             height, width = upright(frame, stream).shape[:2]
             space = of_tags(frame.color_trc, frame.color_primaries)
-            # Of WebM; FFmpeg's own decoders of VP8 and VP9 leave it out.
+            # For WebM: FFmpeg's own decoders of VP8 and VP9 leave alpha out.
             lacks_alpha = stream.metadata.get("alpha_mode") == "1" and not has_alpha(frame, stream)
             return FirstFrame(width, height, space, blender_view(frame, stream), lacks_alpha)
     raise UserError(f"{path.name} has no frame that can be decoded; convert it to H.264 and try again")
@@ -208,7 +213,7 @@ def _info(table: FrameTable, first: FirstFrame) -> VideoInfo:
 
 
 def _remarks(table: FrameTable, first: FirstFrame) -> Iterator[str]:
-    """What the user should know of a video besides its frames, a line each."""
+    """Notes on a video for the user besides its frames, a line each."""
     if table.is_interlaced:
         yield (
             "the clip is interlaced: each frame holds two moments in alternate rows, which comb where"

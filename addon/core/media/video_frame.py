@@ -74,14 +74,19 @@ def resized(picture: Pixels, size: tuple[int, int]) -> Pixels:
 
 
 def cropping(stream: VideoStream) -> tuple[int, int, int, int]:
-    """Pixels at top, bottom, left and right that a container hides: QuickTime's clean aperture, Matroska's
-    PixelCrop."""
+    """Return the pixels at top, bottom, left and right that a container crops.
+
+    QuickTime's clean aperture, Matroska's PixelCrop.
+    """
     data = stream.codec_context.coded_side_data.get("frame_cropping", b"")
     return struct.unpack("<4I", data) if len(data) == 16 else (0, 0, 0, 0)
 
 
 def has_alpha(frame: VideoFrame, stream: VideoStream) -> bool:
-    """Whether a frame has transparency. The fourth byte of uncompressed RGB in AVI is padding."""
+    """Return whether a frame has transparency.
+
+    The fourth byte of uncompressed RGB in AVI is padding.
+    """
     is_padding = stream.codec_context.name == "rawvideo" and stream.container.format.name == "avi"
     return any(component.is_alpha for component in frame.format.components) and not is_padding
 
@@ -103,7 +108,7 @@ def _turns(frame: VideoFrame) -> int:
 
 
 def _is_mirrored(frame: VideoFrame) -> bool:
-    """Whether the display matrix of a frame mirrors: its 2x2 part has a negative determinant."""
+    """Return whether the display matrix of a frame mirrors: its 2x2 part has a negative determinant."""
     if Type.DISPLAYMATRIX not in frame.side_data:
         return False
     a, b, _, c, d, *_ = struct.unpack("<9i", bytes(frame.side_data[Type.DISPLAYMATRIX]))
@@ -114,7 +119,7 @@ def _rgb(frame: VideoFrame, alpha: bool) -> Pixels:
     """(H, W, 3 or 4) of a decoded frame as it is stored."""
     if any(component.bits > 8 for component in frame.format.components):
         return _deep_rgb(frame, alpha)
-    # Bicubic, of the planes of colour, too: what OpenCV and FFmpeg's own program use.
+    # Bicubic, also for the planes of colour, as in OpenCV and FFmpeg's own program.
     return np.asarray(
         frame.to_ndarray(format="rgba" if alpha else "rgb24", interpolation="BICUBIC", threads=1), np.uint8
     )
@@ -134,7 +139,7 @@ def _deep_rgb(frame: VideoFrame, alpha: bool) -> NDArray[np.uint16]:
     red, blue = _LUMA.get(frame.colorspace, _LUMA[1])
     green = 1 - red - blue
     # Limited ranges are 219 and 224 of 256 (ITU-T H.273, 8.3). A full one FFmpeg spreads over all 16 bits in
-    # luma, and moves up in the others, as seen in what it makes of known values.
+    # luma, and moves up in the others, as seen in its result for known values.
     chroma = 65536 - (1 << (16 - frame.format.components[1].bits))
     full = frame.color_range == _FULL
     scale = np.array([65535, chroma, chroma] if full else [219 << 8, 224 << 8, 224 << 8], np.float64)

@@ -1,4 +1,4 @@
-"""What is known of a video once it was decoded to its end, and what the user should know of it."""
+"""Properties of a completely decoded video, and notes on it for the user."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ..base.counting import ranges
 from .video_frame import BlenderView
 
 LATE = 1.5
-"""Of the median time between frames: with one frame less between two, they are twice as far apart."""
+"""Ratio to the median frame interval from which a frame is late: one dropped frame doubles the interval."""
 GAPS = 0.1
-"""Share of a clip's frames up to which late frames are reported; with more, the rate is what varies."""
+"""Share of late frames up to which they are reported; with more, the rate varies."""
 NAMED = 20
 """Such frames that are named; one recorder leaves out hundreds."""
 SAME_SHAPE = 0.02
@@ -26,7 +26,7 @@ SAME_SHAPE = 0.02
 
 @dataclass(frozen=True)
 class VideoInfo:
-    """What is known of a video once it was decoded to its end, which takes milliseconds a frame."""
+    """Properties of a completely decoded video; decoding takes milliseconds a frame."""
 
     width: int
     """Pixels across of the upright picture with square pixels."""
@@ -39,7 +39,7 @@ class VideoInfo:
     times: tuple[int, ...]
     """When each frame is shown, in ticks, increasing."""
     is_timed: bool
-    """Whether the file holds the times; else they are the rate's."""
+    """True if the file holds the times; else they follow from the rate."""
     keys: tuple[int, ...]
     """Numbers of the frames at which decoding may begin; only 1 where seeking is not exact."""
     sound: float | None
@@ -57,7 +57,7 @@ class VideoInfo:
     sizes: tuple[tuple[int, int, int], ...]
     """Where the size of the stored pictures begins or changes: frame number, width and height in pixels."""
     remarks: tuple[str, ...]
-    """What else the user should know, a line each."""
+    """Other notes for the user, a line each."""
 
     @classmethod
     def parse(cls, kept: Any) -> VideoInfo | None:
@@ -99,12 +99,11 @@ class VideoInfo:
 
     @cached_property
     def is_variable(self) -> bool:
-        """Whether some frame is shown half a frame or more from where a constant rate would show it."""
+        """Return whether some frame is at least half a frame off a constant rate."""
         return not keeps_rate(self.seconds, self.fps)
 
     def other_shape(self, frames: Sequence[int]) -> str:
-        """Why frames cannot be read as one clip: where their stored pictures have another shape than the
-        first one's; empty where all have the same."""
+        """Return the reason why frames are not one clip: pictures of different shapes; else ""."""
         begins = [frame for frame, _, _ in self.sizes]
         _, across, down = self.sizes[0]
         for frame in frames:
@@ -124,7 +123,7 @@ class VideoInfo:
 
     @property
     def notes(self) -> list[str]:
-        """What the user should know of the clip, a line each."""
+        """Notes on the clip for the user, a line each."""
         notes = list(self.remarks)
         if len(self.sizes) > 1:
             scaled = ", ".join(

@@ -1,8 +1,8 @@
-"""The shape of an aperture and how much light passes where, and the virtual cameras that stand for it.
+"""The shape of an aperture, its transmission, and the virtual cameras over it.
 
-Places on the aperture are in shares of its radius, x right and y down as seen in the picture. What lies
-behind the focal plane is blurred into the aperture's shape, what lies before it into the shape upside down.
-Names and units are those of Blender's `Camera.dof`, where it has them.
+Positions on the aperture are in shares of its radius, x right and y down as in the picture. Things behind the
+focal plane are blurred into the aperture's shape, things in front of it into that shape upside down. Names
+and units are those of Blender's `Camera.dof`, where it has them.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ CELLS = 128
 SUBSAMPLES = 4
 """Along a cell of a raster, by which the share of it that lets light through is sampled."""
 FINEST = CELLS * SUBSAMPLES
-"""Places along the square at which light is sampled: no picture of an aperture tells more pixels."""
+"""Samples of transmission along the square. An aperture picture has no finer detail."""
 LEAST_LIGHT = 1e-3
-"""Of the brightest place: where less passes, the aperture is closed. 8 bits hold a 255th."""
+"""Transmission relative to the brightest place below which the aperture is closed; 8 bits hold 1/255."""
 MOST_LOST = 0.99
-"""Largest share of light that apodisation may take at the rim: nothing at all would be a smaller aperture."""
+"""Largest share of light that apodisation removes at the rim; 1 would be a smaller aperture."""
 MOST_AXIAL = 0.5
 """Largest share by which colours may focus apart: at 1, red and blue would be focused at infinity. Chosen by
 inspection."""
@@ -36,9 +36,9 @@ RED_AND_BLUE = [0, 2]
 """Channels that `Aperture.axial_colour` focuses farther away: a lens that is corrected for two colours has
 its shortest focal length between them, in green."""
 MOST_BLADES = 16
-"""Of a polygon, as Blender's `Camera.dof.aperture_blades` has them: more are round."""
+"""Most blades of a polygon, as in Blender's `Camera.dof.aperture_blades`; more are round."""
 TURN = np.pi / 4
-"""Between two variants of a disc: half of what takes four views into themselves."""
+"""Radians between two variants of a disc: half of the symmetry of four views."""
 GOLDEN = 0.7548776662466927, 0.5698402909980532
 """Steps of the sequence that positions begin with: Roberts, "The unreasonable effectiveness of
 quasirandom sequences", 2018, in two dimensions."""
@@ -89,7 +89,7 @@ class Aperture:
         least=0,
         most=MOST_BLADES,
     )
-    """Of a polygon whose corners lie on the rim; less than 3 make it round."""
+    """Corners of a polygon, which lie on the rim; fewer than 3 make it round."""
     rotation: float = option(
         0.0, "Rotation", "Rotation of the blades, anticlockwise as seen in the image", unit="ANGLE"
     )
@@ -98,7 +98,7 @@ class Aperture:
         0.0, "Roundness", "Curvature of the blades' edges: 0 is straight, 1 a full circle",
         least=0.0, most=1.0, unit="FACTOR",
     )  # fmt: skip
-    """Of the blades' edges: 0 for straight ones, 1 for a circle's arcs."""
+    """Curvature of the blades' edges: 0 is straight, 1 is an arc of the circle."""
     ratio: float = option(
         1.0, "Ratio", "Height of blur discs relative to their width, as with an anamorphic lens",
         least=1.0, most=10.0, soft_most=2.0,
@@ -139,10 +139,9 @@ class Aperture:
         " open",
         least=0.0, most=MOST_AXIAL, soft_most=0.1, unit="FACTOR",
     )  # fmt: skip
-    """By which share of its inverse depth the focal plane of red and blue is farther than that of green: the
-    secondary spectrum of lenses that are corrected for two colours (Kingslake and Johnson, "Lens design
-    fundamentals", 2010). Where green is sharp, their disc has this share of the disc of what is infinitely
-    far."""
+    """Share of inverse depth by which red and blue focus farther away than green: the secondary spectrum of
+    an achromat (Kingslake and Johnson, "Lens design fundamentals", 2010). Where green is sharp, their disc
+    has this share of the disc of infinitely far points."""
     image: ApertureImage | None = None
     """A picture in place of blades and roundness."""
 
@@ -159,14 +158,16 @@ class Aperture:
 
     @property
     def is_disc(self) -> bool:
-        """Whether it is the round hole with the same light everywhere."""
+        """Return whether the aperture is a round hole of uniform transmission."""
         is_round = self.image is None and (self.blades < 3 or self.roundness == 1)
         is_even = self.apodisation == self.spherical_aberration == self.obstruction == 0
         return is_round and is_even and self.ratio == 1
 
     def light(self, x: Floats, y: Floats) -> Floats:
-        """How much light (...) passes at places x and y (...), in shares of the radius; not negative, 1 where
-        nothing takes any."""
+        """Return the transmission (...) at positions x and y (...), in shares of the radius.
+
+        It is not negative, and 1 without absorption.
+        """
         wide = x * self.ratio
         squared = wide**2 + y**2
         if self.image is not None:
@@ -187,8 +188,12 @@ class Aperture:
         return np.asarray((1 - self.roundness) * np.cos(half) / np.cos(angle) + self.roundness)
 
     def raster(self, size: int, scale: float = 1.0) -> tuple[Floats, Floats]:
-        """(size, size) mean light of the cells of the square around it, and the share of
-        each that is open; of the aperture made larger by a scale in the same square."""
+        """Return the mean transmission (size, size) of cells, and their open share.
+
+        Args:
+            size: Cells along the square around the aperture.
+            scale: Enlarges the aperture within the same square.
+        """
         fine = size * SUBSAMPLES
         place = ((np.arange(fine) + 0.5) * 2 / fine - 1) / scale
         light = self.light(*np.meshgrid(place, place))
@@ -216,19 +221,25 @@ class ApertureSamples:
 
 @lru_cache(maxsize=64)
 def aperture_samples(aperture: Aperture, count: int, variant: int = 0) -> ApertureSamples:
-    """Positions (count, 2) in shares of the aperture's radius, each in the middle of the light of an equal
-    share of the open aperture.
+    """Return virtual cameras over an aperture.
 
-    They are `relaxed`: blurred by a disc of a share's size the positions blur as the aperture does, and their
-    weighted mean is that of the light. `variant` gives other positions for the same aperture. Raises
-    UserError for a number that means nothing.
+    Each stands in the centroid of an equal share of the light (see `relaxed`). Blurred by a disc of the size
+    of a share, the positions blur like the aperture; their weighted mean is the centroid of the light.
+
+    Args:
+        aperture: The aperture.
+        count: Number of cameras.
+        variant: Gives other positions for the same aperture.
+
+    Raises:
+        UserError: The count is out of range.
     """
     check_count(count)
     if aperture.is_disc:
         return ApertureSamples(turned_disc(centroidal_disc(count), variant))
     cells, light, area = open_cells(aperture)
     found, mass = relaxed(_start(cells, count, variant), cells, light, area)
-    # What was not relaxed to the end is reached by shares of any size.
+    # Positions that are not fully relaxed have shares of unequal size.
     return ApertureSamples(_fixed(found), _fixed(mass / mass.sum()), float(np.sqrt(area / np.pi)))
 
 

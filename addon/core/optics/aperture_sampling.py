@@ -10,24 +10,25 @@ from ..base.arrays import Floats
 from ..base.errors import UserError
 
 MIN_VIEWS, MAX_VIEWS = 16, 512
-"""Bounds of the automatic number of views: fewer show as copies of highlights, more are not told apart.
-Chosen by inspection."""
+"""Bounds of the automatic number of views: fewer show as copies of highlights, more look alike. Chosen by
+inspection."""
 LEAST_PREFILTERED = 8
-"""Of the automatic number with a prefiltered texture, where highlights have no copies. Chosen by
+"""Least automatic number with a prefiltered texture, where highlights have no copies. Chosen by
 inspection."""
 MOST_VIEWS = 4096
-"""Views that can be asked for: eight times those that are not told apart from more. Chosen by inspection."""
+"""Most views that a user can set: eight times the number from which results look alike. Chosen by
+inspection."""
 
 MOST_RELAXED = 128
 """Positions up to which they are relaxed to the end, in at most a second."""
 RELAXATIONS = 60
-"""Of Lloyd's iteration: thrice as many change the blur of 4 to 48 positions by less than 0.1 dB of its error,
-by a scratch script that weighs all spatial frequencies alike."""
+"""Iterations of Lloyd's algorithm. Three times as many change the error of 4 to 48 positions by less than 0.1
+dB, with all spatial frequencies weighted alike."""
 FEW_RELAXATIONS = 8
-"""Of more positions, up to `MAX_VIEWS`: 256 blur highlights with 52.4 dB, 51.0 after four, 43.7 as Vogel has
-them (`tests/render/test_aperture_shapes.py`)."""
+"""Iterations for more positions, up to `MAX_VIEWS`: 256 positions blur highlights with 52.4 dB, 51.0 after
+four iterations, 43.7 on Vogel's spiral (`tests/render/test_aperture_shapes.py`)."""
 SAMPLES = 8192
-"""Of the disc, by which a share's middle is found: at least 64 a share."""
+"""Samples of the disc for centroids: at least 64 a share."""
 
 
 def random_disc(count: int, seed: int) -> Floats:
@@ -55,11 +56,11 @@ def vogel_disc(count: int) -> Floats:
 
 @lru_cache
 def centroidal_disc(count: int) -> Floats:
-    """(count, 2) positions on the unit disc, each in the middle of an equal share of it, with a mean of
-    exactly zero. Read-only. More than `MAX_VIEWS` are Vogel's.
+    """Return positions (count, 2) on the unit disc, each the centroid of an equal share.
 
-    The spread of the positions and that within the shares make the disc's: blurred by a disc of a share's
-    size, the positions have the disc's own blur. They are Vogel's spiral, `relaxed`.
+    They are Vogel's spiral after `relaxed`, with a mean of exactly zero; more than `MAX_VIEWS` are the spiral
+    itself. The variance of the positions and the variance within shares add up to the disc's. Blurred by a
+    disc of the size of a share, they have the disc's own blur. Read-only.
     """
     disc = vogel_disc(count)
     if count <= MAX_VIEWS:
@@ -70,11 +71,19 @@ def centroidal_disc(count: int) -> Floats:
 
 
 def relaxed(positions: Floats, places: Floats, light: Floats, area: float) -> tuple[Floats, Floats]:
-    """(N, 2) positions moved into the middles of the light of equal shares of an area, in squared radii, and
-    the mass (N,) of light in these. (n, 2) places lie evenly over the area, (n,) light passes there.
+    """Move positions to the centroids of equal shares of light.
 
-    Lloyd's iteration, with the shares of a power diagram (de Goes, Breeden, Ostromoukhov and Desbrun, "Blue
-    noise through optimal transport", 2012): to the end for up to `MOST_RELAXED` positions.
+    Lloyd's iteration with the cells of a power diagram (de Goes, Breeden, Ostromoukhov and Desbrun, "Blue
+    noise through optimal transport", 2012), to the end for up to `MOST_RELAXED` positions.
+
+    Args:
+        positions: (N, 2) first positions.
+        places: (n, 2) samples, evenly over the area.
+        light: (n,) transmission there.
+        area: In squared radii.
+
+    Returns:
+        Positions (N, 2), and the light (N,) of their shares.
     """
     count = len(positions)
     weight, mass = np.zeros(count), np.zeros(count)

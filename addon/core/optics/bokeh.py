@@ -1,4 +1,4 @@
-"""What a point of light far behind the focus looks like: the picture of an aperture in panels and lists."""
+"""Pictures of an aperture for panels and lists: a point of light far behind the focal plane."""
 
 from __future__ import annotations
 
@@ -12,12 +12,17 @@ MARGIN = 1.12
 BRIGHTEST = 99
 """Per cent of the open places that are no brighter than white: less than a soap bubble's rim."""
 CORNER = float(np.sqrt(0.5))
-"""Of the frame that cat's eyes are shown in, which is square: half of its side, in half-diagonals."""
+"""Half of the side of the square frame in which cat's eyes are shown, in half-diagonals."""
 
 
 def barrel_share(x: Floats, y: Floats, edge: float) -> Floats:
-    """Share (...), 0 to 1, of the light that a barrel's opening lets through at places x and y (...) from its
-    middle, in shares of its radius; it ends within `edge` on either side of the rim."""
+    """Return the transmission (...) of a barrel's opening, 0 to 1.
+
+    Args:
+        x: (...) positions from its middle, in shares of its radius.
+        y: The same.
+        edge: Half of the width over which transmission falls at the rim.
+    """
     return np.asarray(np.clip((1 + edge - np.hypot(x, y)) / (2 * edge), 0, 1))
 
 

@@ -1,11 +1,11 @@
-"""The thin lens that a frame is seen through: circles of confusion, and what counts as in focus.
+"""The thin lens of a frame: circles of confusion, and the range in focus.
 
-A tilted focal plane has inverse depth F(x, y) that is linear over the picture. The shear of space that takes
-1 / Z to 1 / Z - F(x, y) + const keeps every pixel's place and what hides what, and makes that plane parallel
-to the picture. A view from (p, q) on the aperture, with the tilted plane in register, is one of the sheared
-scene from (p, q) / (1 - s), where s is the share of the way to the plane's intersection with the lens's own
-(the Scheimpflug line; `ThinLens.sheared_positions`). So whatever draws a frame knows only of planes parallel
-to the picture: it is given inverse depths `untilted`.
+A tilted focal plane has inverse depth F(x, y), linear over the picture. The shear of space from 1 / Z to 1 /
+Z - F(x, y) + const keeps pixels and occlusion, and makes the plane parallel to the picture. A view from (p,
+q) on the aperture, with the tilted plane in register, is a view of the sheared scene from (p, q) / (1 - s),
+where s is the share of the way to the intersection of the focal plane with the lens's plane (the Scheimpflug
+line; `ThinLens.sheared_positions`). Renderers therefore know only planes parallel to the picture: they get
+inverse depths `untilted`.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from ..camera.reconstruction import Intrinsics
 ACCEPTABLE = 1500
 """Picture diagonals per acceptable circle of confusion: the photographer's rule for depth of field."""
 MAX_BLUR = 16.0
-"""Picture diagonals; in a larger disc nothing is left of what it comes from. Chosen by inspection."""
+"""Picture diagonals; a larger disc dissolves its object. Chosen by inspection."""
 MAX_RADIUS = 100.0
-"""Focus distances; with a larger aperture radius the focal plane as good as lies in the lens. Chosen by
+"""Focus distances; with a larger aperture radius the focal plane is nearly in the lens. Chosen by
 inspection."""
 NEAREST_LINE = 2.0
 """Aperture radii, at which a tilted focal plane may come to the middle of the lens; at 1 it would touch the
@@ -59,7 +59,7 @@ class ThinLens:
     slope: tuple[float, float] = (0.0, 0.0)
     """By how much the inverse depth of the focal plane grows a pixel to the right, and down: its tilt."""
     lift: float = 0.0
-    """What is added to inverse depths that are `untilted`, so that they are positive."""
+    """Added to inverse depths `untilted`, so that they are positive."""
 
     @classmethod
     def on_plane(
@@ -75,17 +75,15 @@ class ThinLens:
 
     @property
     def is_tilted(self) -> bool:
-        """Whether the focal plane is not parallel to the picture."""
+        """Return whether the focal plane is not parallel to the picture."""
         return self.slope != (0.0, 0.0)
 
     def untilted[T: np.floating](self, inverse_depth: NDArray[T], xy: Floats) -> NDArray[T] | Floats:
-        """Inverse depths (n,) at pixels (n, 2) in the sheared space where the focal plane is parallel to the
-        picture."""
+        """Return inverse depths (n,) at pixels (n, 2) in the sheared space with a frontal focal plane."""
         return inverse_depth - self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
 
     def tilted(self, inverse_depth: Floats, xy: Floats) -> Floats:
-        """Inverse depths (n,) at pixels (n, 2) of the scene, from those of the sheared space: `untilted`
-        back."""
+        """Return inverse depths (n,) at pixels (n, 2) of the scene: the inverse of `untilted`."""
         return inverse_depth + self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
 
     def untilted_raster[T: np.floating](self, inverse_depth: NDArray[T]) -> NDArray[T] | Floats:
@@ -101,8 +99,11 @@ class ThinLens:
         return np.asarray(self.slope[0] * (x - centre[0]) + self.slope[1] * (y - centre[1]) - self.lift)
 
     def sheared_positions(self, positions: Floats) -> Floats:
-        """(N, 2) positions in scene units from which the sheared scene is seen as the scene is from (N, 2)
-        on the aperture, the focal plane in register."""
+        """Return positions (N, 2), in scene units, for views of the sheared scene.
+
+        From there the sheared scene looks like the scene from positions (N, 2) on the aperture, with the
+        focal plane in register.
+        """
         return positions / (1 - positions @ self._hinge)[:, None] if self.is_tilted else positions
 
     def aperture_positions(self, positions: Floats) -> Floats:
@@ -111,8 +112,7 @@ class ThinLens:
 
     @property
     def _hinge(self) -> Floats:
-        """(2,) the inverse of the distance from the lens's middle at which the focal plane meets the plane of
-        the lens, towards there."""
+        """(2,) inverse distance and direction from the lens's centre to the Scheimpflug line."""
         return np.asarray(self.slope * self.pinhole.focal)
 
     @property
@@ -127,8 +127,10 @@ class ThinLens:
 
     @property
     def sharp_distances(self) -> tuple[float, float]:
-        """Nearest and farthest distance on the optical axis in scene units, infinity included, with blur
-        discs of at most `acceptable_disc`."""
+        """The nearest and farthest sharp distance on the optical axis, in scene units.
+
+        Their blur discs have the size `acceptable_disc`; the farthest can be infinite.
+        """
         allowed = self.acceptable_disc / (2 * self.radius * self.pinhole.fx)
         axis = self.focus - self.lift
         near, far = (float(1 / edge) if edge > 0 else np.inf for edge in (axis + allowed, axis - allowed))
@@ -140,23 +142,22 @@ class ThinLens:
         return self.radius * self.pinhole.fx
 
     def disparity[T: np.floating](self, inverse_depth: NDArray[T]) -> NDArray[T] | Floats:
-        """Pixels (any shape) by which points of inverse depth 1 / Z move in a view from the aperture's rim:
-        R f / Z."""
+        """Return R f / Z in pixels (any shape), the motion of points in a view from the aperture's rim."""
         return np.asarray(self.disparity_scale * inverse_depth)
 
     def displacement(self, inverse_depth: Floats) -> Floats:
-        """Signed radii in pixels of the blur discs of inverse depths (any shape): their `disparity` relative
-        to the focal plane, positive before it and negative beyond."""
+        """Return signed radii in pixels of the blur discs of inverse depths (any shape).
+
+        They are the `disparity` relative to the focal plane, positive in front of it and negative behind it.
+        """
         return np.asarray(self.disparity_scale * (inverse_depth - self.focus))
 
     def blur_disc(self, inverse_depth: Floats) -> Floats:
-        """Signed diameters in pixels of the blur discs of inverse depths (any shape), positive before the
-        focal plane and negative beyond it."""
+        """Return signed diameters of blur discs in pixels (any shape), positive in front of the focus."""
         return 2 * self.displacement(inverse_depth)
 
     def largest_disc(self, inverse_depth: Floats, percentile: float = 99.0) -> float:
-        """Diameter in pixels that `percentile` % of the blur discs of inverse depths (any shape) are below; 0
-        of none."""
+        """Return the percentile of the diameters in pixels of blur discs (any shape); 0 without discs."""
         if not inverse_depth.size:
             return 0.0
         contrast = float(np.percentile(np.abs(inverse_depth - self.focus), percentile))
@@ -182,22 +183,36 @@ class ThinLens:
         return np.asarray(self.focus + _snapped(inverse_depth - self.focus, smallest, largest))
 
     def snap_displacement(self, displacement: Map) -> Map:
-        """Displacements in pixels (any shape) at the aperture's rim, relative to the focal plane: what
-        `snap_to_focal_plane` does, of the blur disc's radius."""
+        """Return displacements (any shape), in pixels at the aperture's rim, snapped to the focal plane.
+
+        The blur disc's radius is snapped like `snap_to_focal_plane`.
+        """
         smallest, largest = (np.float32(self._diagonal * share / 2) for share in (1 / ACCEPTABLE, MAX_BLUR))
         return np.asarray(_snapped(displacement, smallest, largest))
 
     def footprint(self, displacement: Map, views: int) -> Map:
-        """Radii in pixels of the discs over which points are spread by the share of the aperture that one of
-        so many views stands for: the blur disc's by the root of their number. Displacements in pixels (any
-        shape) at the aperture's rim, relative to the focal plane."""
+        """Return the radii in pixels of discs over which each view spreads its points.
+
+        One of N views stands for an N-th of the aperture: the blur disc's radius divided by sqrt(N).
+
+        Args:
+            displacement: Pixels (any shape) at the aperture's rim, relative to the focal plane.
+            views: Number of views.
+        """
         return np.asarray(
             np.abs(self.snap_displacement(displacement)) / np.float32(np.sqrt(views)), np.float32
         )
 
     def check(self, frame: int, inverse_depth: Floats) -> None:
-        """UserError naming the frame where the focal plane lies in the lens, or half of the points of inverse
-        depth (n,) have discs beyond use."""
+        """Check that a frame can be drawn with this lens.
+
+        Args:
+            frame: Number of the frame, for the message.
+            inverse_depth: (n,) of the frame's points.
+
+        Raises:
+            UserError: The focal plane lies in the lens, or half of the points have discs beyond `MAX_BLUR`.
+        """
         if not float(self.radius) * self.focus <= MAX_RADIUS:
             raise UserError(
                 f"frame {frame}: the focal plane at distance {1 / self.focus:g} is inside the lens, whose"
@@ -218,13 +233,15 @@ class ThinLens:
 
     @property
     def _diagonal(self) -> float:
-        """Of the picture, in pixels."""
+        """Diagonal of the picture in pixels."""
         return float(np.hypot(self.pinhole.width, self.pinhole.height))
 
 
 def _snapped[T: np.floating](contrast: NDArray[T], smallest: T, largest: T) -> NDArray[T]:
-    """Contrasts (any shape), 0 up to the smallest size, growing to themselves at twice that, cut at the
-    largest."""
+    """Contrasts (any shape) after a soft threshold.
+
+    They are 0 up to the smallest size, unchanged from twice that size, and cut at the largest.
+    """
     size = np.abs(contrast)
     kept = np.minimum(np.maximum(2 * (size - smallest), 0), np.minimum(size, largest))
     return np.asarray(np.copysign(kept, contrast))

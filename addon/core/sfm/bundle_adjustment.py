@@ -1,8 +1,8 @@
-"""Bundle adjustment with numpy, for what a solver's library leaves open: points at any distance, focal
-lengths that change from frame to frame, and a covariance that is true of tracked video.
+"""Bundle adjustment in numpy, where solver libraries have gaps.
 
-Points are homogeneous, so that one at infinity is like any other. Triggs, McLauchlan, Hartley and Fitzgibbon,
-"Bundle adjustment: a modern synthesis", 2000.
+It supports points at any distance, focal lengths that change from frame to frame, and a realistic covariance
+for tracked video. Points are homogeneous, so that infinity is not a special case. Triggs, McLauchlan, Hartley
+and Fitzgibbon, "Bundle adjustment: a modern synthesis", 2000.
 """
 
 from __future__ import annotations
@@ -82,9 +82,9 @@ class Adjusted:
     error: float
     """Root mean square of the robust residuals, per coordinate, in pixels."""
     influence: Floats
-    """(m, n) by how much each observation moved what all frames have in common: the logarithm of a common
-    focal length, then the distortion's parameters, 0 of those that are held. Not finite where nothing tells
-    them; (m, 0) where nothing is common, or each frame has its own focal length."""
+    """(m, n) influence of each observation on the common parameters: the logarithm of a common focal length,
+    then the distortion's parameters, 0 for held ones. Not finite if they are undetermined; (m, 0) without
+    common parameters, or if each frame has its own focal length."""
     point: Ints
     """(m,) of the observations."""
 
@@ -94,11 +94,14 @@ class Adjusted:
         return float(np.sqrt(self.covariance(self.point)[0, 0])) if self.influence.shape[1] else 0.0
 
     def covariance(self, unit: Ints) -> Floats:
-        """(n, n) of what is common, from an estimate whose independent units are `unit` (m,).
+        """Return the covariance (n, n) of the common parameters, with independent units of observations.
 
-        A tracked feature's errors in successive frames are the same error: independent observations, as the
-        usual covariance takes them for, make it several times too sure. Liang and Zeger, "Longitudinal data
-        analysis using generalized linear models", 1986 (the sandwich estimator).
+        A tracked feature has the same error in successive frames; the usual covariance assumes independent
+        observations and is several times too small. Liang and Zeger, "Longitudinal data analysis using
+        generalized linear models", 1986 (the sandwich estimator).
+
+        Args:
+            unit: (m,) unit of each observation.
         """
         _, number = np.unique(unit, return_inverse=True)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -135,12 +138,19 @@ def adjust(
     tie: float = 0.0,
     options: AdjustmentOptions = AdjustmentOptions(),
 ) -> Adjusted:
-    """Least squares over all poses and points, by Levenberg and Marquardt, with Huber's loss from `loss` px.
+    """Adjust all poses and points by Levenberg and Marquardt, with Huber's loss.
 
-    `free_focal` is "held", "common" (one factor for all frames) or "each": every frame has its own, and a
-    change from one to the next costs `tie` times the square of its logarithm, in pixels squared. A distortion
-    is adjusted, too; one standard deviation of what it has costs as much as an observation that is off by
-    `loss`. Cameras in one place, the origin, with all points infinitely far, stay so.
+    Cameras in one place, the origin, with all points at infinity, stay there.
+
+    Args:
+        bundle: Start of the adjustment. Its distortion is adjusted, too; one standard deviation of its prior
+            costs as much as an observation with an error of `loss`.
+        seen: The observations.
+        loss: Pixels from which the loss is linear.
+        free_focal: "held", "common" (one factor for all frames) or "each" (one for each frame).
+        tie: Cost of a change between neighbours with "each", in pixels squared for the square of its
+            logarithm.
+        options: Limits.
     """
     frames = len(bundle.focal)
     extra = {"held": 0, "common": 1, "each": frames}[free_focal]
@@ -255,7 +265,10 @@ def _system(bundle: Bundle, seen: Observations, loss: float, extra: int, tie: fl
 
 
 def pose_derivatives(bundle: Bundle, seen: Observations, local: Floats) -> tuple[Floats, Floats, Floats]:
-    """Of projections by (turn, shift, log of the focal length) (m, 2, 7), by points (m, 2, 3); tangents."""
+    """Derivatives of projections by (turn, shift, log of the focal length), by points, and tangents.
+
+    Shapes are (m, 2, 7) and (m, 2, 3).
+    """
     x, y, z = np.where(local[:, 2:] > 0, local, [0.0, 0.0, 1.0]).T
     focal, w = bundle.focal[seen.frame], bundle.points[seen.point, 3]
     u, v = x / z, y / z
@@ -275,7 +288,7 @@ def pose_derivatives(bundle: Bundle, seen: Observations, local: Floats) -> tuple
 
 
 def _tangents(points: Floats) -> Floats:
-    """(P, 4, 3) orthonormal bases of what is perpendicular to unit vectors (P, 4) (Householder)."""
+    """(P, 4, 3) orthonormal bases perpendicular to unit vectors (P, 4) (Householder)."""
     sign = np.where(points[:, :1] >= 0, 1.0, -1.0)
     mirror = points.copy()
     mirror[:, :1] += sign
@@ -305,7 +318,7 @@ def _solved(system: _System, damping: float) -> tuple[Floats, Floats] | None:
         product = flat[:, :-1].T @ flat
         reduced = system.cameras - product[:, :-1]
         reduced[np.diag_indices_from(reduced)] += damping * own + 1e-12
-        # The first camera stays where it is: whither the whole drifts, the pictures do not say.
+        # The first camera stays in place: the drift of the whole scene is undetermined.
         reduced[:6], reduced[:, :6] = 0, 0
         reduced[np.arange(6), np.arange(6)] = 1
         product[:6, -1] = system.right[:6]
@@ -380,12 +393,12 @@ def _influence(system: _System, seen: Observations, frames: int) -> Floats:
     wanted = common.shape[2]
     if not wanted or len(system.cameras) != 6 * frames + wanted:
         return np.zeros((len(residual), 0))
-    # Points infinitely far have a freedom that no picture tells of.
+    # Points at infinity have an undetermined freedom.
     heavy = system.point + np.eye(3) * (1e-10 * np.einsum("pii->p", system.point) + 1e-12)[:, None, None]
     solved = np.linalg.inv(heavy) @ system.cross
     flat, crossed = solved.reshape(-1, solved.shape[2]), system.cross.reshape(-1, system.cross.shape[2])
     reduced = system.cameras - crossed.T @ flat
-    # Place, turn and scale of the whole are free, and what is common is none of their affair.
+    # Place, turn and scale of the scene are free, and independent of the common parameters.
     diagonal = np.einsum("ii->i", reduced)
     reduced[np.diag_indices_from(reduced)] += 1e-9 * (diagonal + diagonal.mean())
     try:

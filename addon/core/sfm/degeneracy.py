@@ -1,4 +1,4 @@
-"""Before any solving: does the camera move, and does the picture tell depth?"""
+"""Checks before solving: motion of the camera, and parallax."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ FOCALS = (0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)
 
 
 class StaysError(UserError):
-    """The camera of a clip stays in its place, so that pictures tell no depth."""
+    """The camera of a clip stays in its place, so that its pictures have no depth."""
 
 
 def check_motion(tracks: Tracks) -> float:
@@ -92,8 +92,7 @@ def refuse_cuts(tracks: Tracks) -> None:
 
 
 def only_turns(measured: str) -> StaysError:
-    """The refusal of a clip whose pictures agree with a camera that does not leave its place, as `measured`
-    says."""
+    """Return the refusal of a clip that agrees with a turning camera, with its measure."""
     return StaysError(
         f"the camera only turns in this clip ({measured}): too little parallax; move the camera sideways"
         " while filming, or solve it with depth maps",

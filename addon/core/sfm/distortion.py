@@ -1,6 +1,6 @@
-"""What a camera does to a pinhole's picture: its lens bends it, and it reads rows and columns one after the
-other while it turns.
+"""Distortion and rolling shutter of a camera.
 
+The lens bends a pinhole's picture, and rows and columns are read one after the other while the camera turns.
 Brown, "Close-range camera calibration", 1971; Forssen and Ringaby, "Rectifying rolling shutter video from
 hand-held devices", 2010.
 """
@@ -22,11 +22,14 @@ LIMITS = np.array([0.2, 0.2, 0.5, 0.5, 1.0, 1.0])
 
 @dataclass(frozen=True)
 class Distortion:
-    """Of all frames of a clip. Places are pixels from the middle of the picture."""
+    """Distortion and readout of all frames of a clip.
+
+    Places are pixels from the middle of the picture.
+    """
 
     parameters: Floats
-    """(6,) principal point x, y in half diagonals; k1, k2: what is m half diagonals from it is seen at m (1 +
-    k1 |m|^2 + k2 |m|^4); time to read the width and the height, of the time from a frame to the next."""
+    """(6,) principal point x, y in half diagonals; k1, k2: a place at m half diagonals from it is seen at m
+    (1 + k1 |m|^2 + k2 |m|^4); time to read the width and the height, in frame intervals."""
     size: tuple[int, int]
     """Width and height of the picture in pixels."""
     speed: Floats
@@ -54,9 +57,13 @@ class Distortion:
         )
 
     def derivatives(self, local: Floats, focal: Floats, frame: Ints, xy: Floats) -> tuple[Floats, Floats]:
-        """Of bent places, by a pinhole's places (m, 2, 2) and by the parameters (m, 2, 6).
+        """Return derivatives of bent places by a pinhole's places (m, 2, 2) and by the parameters (m, 2, 6).
 
-        `local` (m, 3) is `turned`, ahead of the camera; `focal` (m,) in pixels.
+        Args:
+            local: (m, 3) points after `turned`, ahead of the camera.
+            focal: (m,) in pixels.
+            frame: (m,) numbers.
+            xy: (m, 2) observed places.
         """
         unit, (k1, k2) = self.half_diagonal, self.parameters[2:4]
         place = focal[:, None] / unit * local[:, :2] / local[:, 2:]
@@ -66,7 +73,7 @@ class Distortion:
         by_place = by_place + (2 * k1 + 4 * k2 * square)[..., None] * outer
         when = xy / self.size
         spin = np.cross(self.speed[frame], local)
-        # Of what was turned: the turn of what it was before, up to the third order.
+        # The derivative of the turn, up to the third order.
         spin = spin - (when @ self.parameters[4:])[:, None] * np.cross(self.speed[frame], spin)
         slide = (focal[:, None] * spin[:, :2] - unit * place * spin[:, 2:]) / local[:, 2:]
         slide = np.einsum("mij,mj->mi", by_place, slide)

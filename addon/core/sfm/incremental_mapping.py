@@ -1,4 +1,6 @@
-"""Structure from motion for video. Runs in the worker process only: pycolmap can take its process along.
+"""Structure from motion for video.
+
+Runs in the worker process only: pycolmap can take its process along.
 
 Keyframes first, with the focal length held (COLMAP's defaults fail on short video), by pairs of pictures
 with parallax or, where that explains too little, all at once; then the focal length, as far as the clip
@@ -32,14 +34,14 @@ from .turning import turned
 
 @dataclass(frozen=True)
 class FocalPrior:
-    """What is known of the focal length before the clip has been looked at."""
+    """Prior knowledge of the focal length."""
 
     focal: float | None = None
     """Pixels."""
     sigma: float = 0.0
     """Relative standard deviation of `focal`; 0 holds it."""
     zooms: bool = False
-    """Whether the focal length changes over the clip."""
+    """True if the focal length changes over the clip."""
 
     @property
     def free(self) -> bool:
@@ -58,8 +60,8 @@ MIN_PARALLAX = 1.0
 """Pixels of a 1,000-pixel frame that no rotation explains; with less, pairs of pictures are not tried: it
 is a trembling hand, or only turns."""
 TOLD_PARALLAX = 0.3
-"""Pixels of a 1,000-pixel frame that no rotation explains; with less, depth from elsewhere is
-better than any that they tell. As much as a still camera may move."""
+"""Pixels of a 1,000-pixel frame that no rotation explains, below which depth from elsewhere is better. A
+still camera can reach it."""
 DOUBTFUL_PARALLAX = 10.0
 """Pixels of a 1,000-pixel frame that no rotation explains; with less, the clip's halves are to find the
 same depths."""
@@ -74,12 +76,11 @@ MIN_GROWTH = 1.05
 """Ratio of the picture's scales over a clip below which it is not tested whether the lens zooms."""
 MIN_ZOOM_GAIN = 1.1
 """Factor by which the score of a zoom that nobody announced must exceed that of one focal length."""
-"""What the lens and the shutter do to a pinhole's picture."""
 
 
 @dataclass(frozen=True)
 class Mapped:
-    """A reconstruction and what is to be said of it."""
+    """A reconstruction and its report's figures."""
 
     reconstruction: Reconstruction
     method: str
@@ -87,7 +88,7 @@ class Mapped:
     focal_sigma: float
     """Relative standard deviation of the focal length, what was known before included."""
     focal_from_clip: bool
-    """The clip says more of the focal length than was known before."""
+    """True if the clip determines the focal length better than the prior."""
     parallax: float
     """Pixels of a 1,000-pixel frame that no rotation explains."""
     angle: float
@@ -99,11 +100,11 @@ class Mapped:
     zooms: bool
     """Solved with a focal length a frame."""
     depth_evidence: DepthEvidence | None
-    """How much depth the clip tells; None where too few tracks could be compared."""
+    """Depth of the clip; None if too few tracks could be compared."""
     weak_depth: float | None
-    """Share of the range of depths to which one is known where the clip hardly tells it; else None."""
+    """Relative uncertainty of depth over its range where the clip has hardly any; else None."""
     lens: Lens | None = None
-    """What the clip tells of its lens and its shutter; None where it was told nothing, or not looked for."""
+    """The clip's lens and shutter; None without evidence, or without a search."""
 
 
 def reconstruct(
@@ -112,10 +113,17 @@ def reconstruct(
     progress: Progress,
     may_stay: bool = False,
 ) -> Mapped:
-    """Cameras and points of a clip from its tracks, normalised.
+    """Return cameras and points of a clip from its tracks, normalised.
 
-    Of a camera that `may_stay` in its place, because depth is known from elsewhere, its turns are enough;
-    else such a clip is refused. Raises UserError with the reason where the clip has no solution.
+    Args:
+        tracks: Those of the clip.
+        prior: Prior of the focal length.
+        progress: Called with the stage, done and all steps.
+        may_stay: True if depth is known from elsewhere: the turns of a camera that stays in its place are
+            then enough.
+
+    Raises:
+        UserError: The clip has no solution; the message has the reason.
     """
     try:
         parallax = check_motion(tracks)
@@ -189,7 +197,7 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progre
 
 
 def _depth(made: Solution) -> DepthEvidence | None:
-    """How much depth the clip tells; StaysError where a camera that turns explains it as well."""
+    """The clip's depth; StaysError if a turning camera explains it as well."""
     depth = depth_evidence(made)
     if depth is not None and depth.gain <= 0:
         raise only_turns(
@@ -200,13 +208,13 @@ def _depth(made: Solution) -> DepthEvidence | None:
 
 
 def versions() -> dict[str, str]:
-    """Of the libraries that a solve depends on."""
+    """Return the versions of the libraries that a solve depends on."""
     return {"numpy": np.__version__, "opencv": cv2.__version__, "pycolmap": pycolmap.__version__}
 
 
 @dataclass(frozen=True)
 class _Found:
-    """What one way made of the keyframes."""
+    """A solution of the keyframes by one method."""
 
     solution: Solution
     method: str
@@ -215,16 +223,16 @@ class _Found:
     explained: float
     """Share of the keyframes registered times the share of their observations that take part."""
     score: float
-    """Of 1: how much of what the keyframes see is explained, and how closely."""
+    """Share of the keyframes' observations that is explained, by closeness; 1 is all."""
     lens: Lens | None = None
-    """What was taken out of the tracks."""
+    """The lens that was removed from the tracks."""
     searched: bool = False
     """A lens was looked for."""
 
 
 @dataclass(frozen=True)
 class _Keyframes:
-    """A clip's keyframes and what is known before they are solved."""
+    """A clip's keyframes before they are solved."""
 
     keys: list[int]
     """Indices of the clip's frames."""
@@ -236,9 +244,9 @@ class _Keyframes:
     progress: Progress
 
     def zoom_or_not(self, tracks: Tracks) -> tuple[_Found, Floats | None]:
-        """What comes of the keyframes, and (F,) by how much the lens zooms if it does.
+        """Solve the keyframes; also returns the zoom (F,) if the lens zooms.
 
-        A focal length that changes unannounced leaves much unexplained; one that was given does not change.
+        An unannounced change of focal length leaves much unexplained; a given focal length does not change.
         """
         found = None if self.prior.zooms else self._solution(tracks)
         if found is not None and not found.searched and found.explained < GOOD_EXPLAINED:
@@ -254,7 +262,7 @@ class _Keyframes:
         return other, ratio
 
     def with_lens(self, found: _Found) -> _Found:
-        """The same with what the keyframes tell of the lens taken out of the tracks."""
+        """Remove the lens that the keyframes show from the tracks."""
         self.progress("Looking for a lens", 0, 1)
         told = find_lens(found.solution, self.start, self._known)
         if told is None:
@@ -282,8 +290,10 @@ class _Keyframes:
         return self_calibration.halves_disagree(found.solution)
 
     def _solution(self, tracks: Tracks, bends: bool = True) -> _Found:
-        """The best of what the ways make of the keyframes, of a lens that may bend where that alone could
-        save it; UserError where none leads anywhere."""
+        """The best solution of all methods; UserError without any.
+
+        With `bends`, the lens may bend where that alone can save the solution.
+        """
         found: list[_Found] = []
         good, focal = GOOD_EXPLAINED, self.start
 
@@ -296,7 +306,7 @@ class _Keyframes:
         if self.parallax >= MIN_PARALLAX:
             keep(self._by_pairs(tracks, focal), "pairs")
             if found and found[0].explained < good:
-                # It may have fastened upon what moves: what it explains is taken away, and the rest tried.
+                # It may have followed a moving object: its tracks are removed, and the rest tried.
                 keep(self._by_pairs(_without(tracks, found[0].solution), focal, tracks), "pairs")
             if found and self.prior.free and max(found, key=lambda each: each.score).explained < good:
                 # Or it began with too short a lens and holds a flat background for all there is.
@@ -306,7 +316,7 @@ class _Keyframes:
         best = max(found, key=lambda each: each.score, default=None)
         doubtful = self._is_doubtful(best)
         if doubtful and bends and best is not None:
-            # What a lens does may be taken for depth, another one in each half.
+            # Distortion may be taken for depth, a different one in each half.
             best = self.with_lens(best)
             doubtful = self._is_doubtful(best)
         if doubtful:

@@ -1,4 +1,4 @@
-"""What pycolmap does: solving keyframes, and adjusting the whole. Worker process only."""
+"""The steps by pycolmap: solving keyframes, and adjusting all frames. Worker process only."""
 
 from __future__ import annotations
 
@@ -63,8 +63,14 @@ def keyframe_features(tracks: Tracks, keys: list[int]) -> list[tuple[Ints, Float
 def map_keyframes(
     tracks: Tracks, features: list[tuple[Ints, Floats]], focal: float, progress: Progress
 ) -> pycolmap.Reconstruction | None:
-    """The best model of the keyframes with features of IDs (n,) at places (n, 2) in pixels; image i + 1 is
-    keyframe i."""
+    """Return the best model of the keyframes; image i + 1 is keyframe i.
+
+    Args:
+        tracks: Those of the clip.
+        features: IDs (n,) and places (n, 2) in pixels of each keyframe.
+        focal: In pixels.
+        progress: Called with the stage, done and all steps.
+    """
     keys = len(features)
     with temporary_folder() as folder:
         database = folder / "database.db"

@@ -27,16 +27,16 @@ CELLS = 36
 AROUND = 2
 """Cells to every side in which a point's neighbours are looked for."""
 MIN_NEIGHBOURS = 6
-"""Points around without which nothing is said of a point's motion."""
+"""Least neighbours for a test of a point's motion."""
 SAME_MOTION = 0.3
-"""Share of its own motion by which a point may always move otherwise than its neighbours."""
+"""Difference of motion from its neighbours that is always allowed, relative to its motion."""
 
 # Corners and the optical flow that follows them. Chosen by inspection of tracks.
 MAX_ROUND_TRIP = 0.5
 """Pixels between a point and where flow there and back puts it, at most."""
 WINDOW = (9, 9)
-"""Pixels across the flow's window along x and y. Small, so that few see two surfaces at once; what a
-small one knows less well, `Patches` mends."""
+"""Pixels across the flow's window along x and y. It is small, so that few windows contain two surfaces;
+`Patches` corrects its errors."""
 LEVELS = 4
 """Highest level of the flow's pyramid, 0 being the frame itself."""
 BORDER = 4
@@ -220,10 +220,16 @@ def follow(
 
 
 def motion_outliers(before: Places, after: Places, moves: Places, cell: int) -> Mask:
-    """(n,) which points jumped: moved otherwise than all around, and than they did before, by `moves` (n, 2).
+    """Return the points (n,) that jumped: that moved unlike all their neighbours, and unlike before.
 
-    Only gross errors. Whatever moves in company stays, and so does a lone near point before a far wall, which
-    no epipolar geometry could tell from an error: with a wall alone it is not determined.
+    Only gross errors count. Things that move together stay, and so does a lone near point before a far wall,
+    which no epipolar geometry could separate from an error: with a wall alone it is undetermined.
+
+    Args:
+        before: (n, 2).
+        after: (n, 2).
+        moves: (n, 2) motion before.
+        cell: Side of a cell in pixels.
     """
     jumped: Mask = np.linalg.norm(after - before - moves, axis=1) > JUMP
     if not jumped.any():
@@ -255,7 +261,7 @@ def neighbour_consistency(before: Places, after: Places, cell: int, jump: float)
 def same_brightness(gray: Bytes, other: Bytes) -> Bytes:
     """A picture with the histogram of another: its own tones in the other's shades."""
     counts = [np.bincount(p.ravel(), minlength=256) / p.size for p in (gray, other)]
-    # The middle of each step: what is clipped to one tone gets the middle one of what it was.
+    # The middle of each step: clipped tones get the middle of their input range.
     here, there = (np.cumsum(count) - count / 2 for count in counts)
     shades = np.rint(np.interp(here, there, np.arange(256))).astype(np.uint8)
     return np.asarray(cv2.LUT(gray, shades), np.uint8)
@@ -275,10 +281,10 @@ def cell_size(picture: Bytes | Places, cells: int) -> int:
 
 
 def new_corners(gray: Bytes, points: Places) -> Places:
-    """Corners (k, 2) for the cells of the frame that hold no point: borders and weak regions included.
+    """Return the strongest corner (k, 2) of each cell of the frame without a point, if it is a corner.
 
-    The strongest corner of each empty cell, if it is a corner at all. Shi and Tomasi, "Good features to
-    track", 1994: the smaller eigenvalue of the structure tensor.
+    Borders and weak regions are included. Shi and Tomasi, "Good features to track", 1994: the smaller
+    eigenvalue of the structure tensor.
     """
     strength = cv2.cornerMinEigenVal(gray, 3)
     return _corners(gray, points, strength, QUALITY, CELLS)

@@ -1,5 +1,7 @@
-"""Cameras without points as a file, from the process that knows them to the one that finds their points; and
-points that nobody tracked, as few as are enough."""
+"""Files of cameras without points, between the reader's process and the worker.
+
+Also thins out clouds that no picture observes.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,11 @@ CELLS = (24, 16)
 """Across and down a picture, of each of which one point is enough for focus and range. Chosen by
 inspection."""
 MOST_POINTS = 20_000
-"""Of a cloud that no picture observes. Chosen by inspection."""
+"""Most points of an unobserved cloud. Chosen by inspection."""
 
 
 def bare(images: tuple[Image, ...], lenses: tuple[Intrinsics, ...]) -> Reconstruction:
-    """Cameras alone: what images observe is left out."""
+    """Return cameras alone, without observations."""
     none, nowhere = np.zeros((0, 2)), np.zeros(0, dtype=np.int32)
     stripped = (Image(i.frame, i.rotation, i.translation, none, nowhere, i.camera) for i in images)
     points = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
@@ -39,7 +41,7 @@ def write_cameras(path: Path, cameras: Reconstruction) -> None:
 
 
 def read_cameras(path: Path) -> Reconstruction:
-    """What `write_cameras` wrote."""
+    """Read the file of `write_cameras`."""
     read = json.loads(path.read_text(encoding="utf-8"))
     none, nowhere = np.zeros((0, 2)), np.zeros(0, dtype=np.int32)
     images = tuple(
@@ -51,10 +53,10 @@ def read_cameras(path: Path) -> Reconstruction:
 
 
 def thinned(cloud: Reconstruction) -> Reconstruction:
-    """A cloud computed from depth, of as few points as tell focus and range, each where a frame shows it.
+    """Return a cloud computed from depth with few points, enough for focus and range.
 
-    Of those that a frame observes one in each of `CELLS` is kept; what no frame observes is projected into
-    all, what is hidden there included.
+    Each point has a frame that shows it. One observed point is kept in each of a frame's `CELLS`; unobserved
+    points are projected into all frames, without a test for occlusion.
     """
     points, images = cloud.points, cloud.images
     if any(len(image.points) for image in images):

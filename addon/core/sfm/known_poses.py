@@ -1,9 +1,9 @@
 """Points of a clip whose cameras are known: another program's poses and lenses, which are held.
 
-Whether they are this clip's is asked first, of pairs of frames: where two poses put the ray of a pixel of one
-frame into the other, from infinity to the camera itself, a track must lie. That takes no depth, so other
-frame numbers and other focal lengths are tried as quickly. Then tracks are triangulated, observations that
-disagree count less and less, and what is left of their disagreement is the reprojection error.
+Pairs of frames first show whether the cameras belong to the clip: the ray of a pixel of one frame, from
+infinity to the camera, is a line in the other frame, on which the track must lie. This needs no depth, so
+other frame numbers and other focal lengths are tested quickly. Then tracks are triangulated with decreasing
+weights for disagreeing observations; the remaining disagreement is the reprojection error.
 """
 
 from __future__ import annotations
@@ -39,10 +39,11 @@ MISFIT = 4.0
 clips backwards, or with y and z the other way round, miss by 5 to 130; a network's that is off by 0.2
 degrees misses by 3."""
 UNEXPLAINED = 0.25
-"""Share of what tracks move by that poses leave, above which they are of something else. Chosen by
-inspection: right ones leave 1 %."""
+"""Share of the tracks' motion left by poses, above which they belong to another clip. Chosen by inspection:
+right ones leave 1 %."""
 BETTER = 0.5
-"""Factor of what is missed by which other frame numbers, or another focal length, must make it less."""
+"""Largest ratio of residuals with which other frame numbers, or another focal length, are reported. Chosen by
+inspection."""
 OVERLAP = 0.5
 """Share of the pairs, at least, that other frame numbers have poses for. Chosen by inspection."""
 LARGEST_OFFSET = 2000
@@ -54,17 +55,17 @@ inspection."""
 
 
 class NoDepthError(UserError):
-    """The cameras may be right, but tell no depth."""
+    """The cameras may be right, but the clip has no parallax."""
 
 
 FOCALS = tuple((1.03 ** np.arange(-24, 25)).tolist())
 """Factors of the focal length that are tried: half to twice."""
 ROUNDS = 6
-"""Of weighing observations anew. Chosen by inspection."""
+"""Rounds of reweighting. Chosen by inspection."""
 NEAREST = 0.01
-"""Of the median depth: observations nearer to the camera count no more than this."""
+"""Least depth of an observation for its weight, relative to the median depth."""
 FAR = 1e4
-"""Pixels of a miss that is as good as infinite."""
+"""Pixels of error that stand for infinity."""
 
 
 @dataclass(frozen=True)
@@ -86,16 +87,24 @@ def triangulate(
     tracks: Tracks,
     progress: Progress = lambda *_: None,
 ) -> Known:
-    """Points of a clip's tracks before cameras whose frames are the clip's, their own points left aside.
+    """Find the points of a clip's tracks with known cameras.
 
-    `cameras` may have images of frames past the clip, for telling that its frames are numbered otherwise.
-    UserError where the cameras are not this clip's, naming the frame numbers or the focal length with which
-    they would be, and NoDepthError where they tell no depth.
+    The cameras' own points are ignored.
+
+    Args:
+        cameras: Cameras of the clip's frames, and maybe of others, so that a shift of frame numbers is found.
+        tracks: Tracks of the clip.
+        progress: Called with the stage, done and all steps.
+
+    Raises:
+        UserError: The cameras belong to another clip; the message names frame numbers or a focal length that
+            would fit.
+        NoDepthError: There is no parallax.
     """
     progress("Comparing cameras", 0, 1)
     posed = np.isin(tracks.frames, cameras.frames)
     every = if_every(len(cameras.images), tracks.frames)
-    # Of frames without a pose nothing is asked, unless all are: then they are numbered otherwise.
+    # Frames without a pose are left out, unless all are: then frames are numbered otherwise.
     tracks = _of_frames(tracks, posed) if posed.sum() > 1 else tracks
     miss = _fits(_Epipolar(cameras, tracks, _pairs(tracks)), every)
     made = _rectified(cameras, tracks, miss)
@@ -115,7 +124,7 @@ def triangulate(
 
 
 def _of_frames(tracks: Tracks, kept: Mask) -> Tracks:
-    """What some frames (F,) show."""
+    """The observations in some frames (F,)."""
     rows = kept[tracks.frame_index]
     number = (np.cumsum(kept) - 1).astype(np.int32)
     return replace(
@@ -174,8 +183,14 @@ class _Epipolar:
         return {image.frame: image for image in self.cameras.images}
 
     def miss(self, offset: int = 0, focal: float = 1.0) -> float:
-        """Median distance in pixels of a 1,000-pixel frame, where the clip's frame f has the pose of f +
-        `offset` and focal lengths are `focal` times as long; NaN where too few pairs have poses."""
+        """Return the median residual in pixels of a 1,000-pixel frame.
+
+        It is NaN with too few pairs that have poses.
+
+        Args:
+            offset: Frame f has the pose of f + offset.
+            focal: Factor of focal lengths.
+        """
         found = []
         for pair in self.pairs:
             one, other = (self._images.get(self.tracks.frames[index] + offset) for index in (pair.i, pair.j))
@@ -188,8 +203,7 @@ class _Epipolar:
 
     @property
     def moved(self) -> float:
-        """Median distance in pixels of a 1,000-pixel frame by which tracks move from one frame of a pair to
-        the other."""
+        """Median motion of tracks between the frames of a pair, in pixels of a 1,000-pixel frame."""
         moved = np.concatenate([np.linalg.norm(pair.a - pair.b, axis=1) for pair in self.pairs])
         return float(np.median(moved)) * 1000 / max(self.tracks.width, self.tracks.height)
 
@@ -212,7 +226,7 @@ class _Epipolar:
             reach = np.clip((away * along).sum(axis=1), 0, end)
             distance = np.linalg.norm(away - reach[:, None] * along, axis=1)
         pixels = focal * float(self.cameras.intrinsics(other).focal.mean())
-        # What lies behind the second camera, wherever it is on its ray, misses altogether.
+        # A point behind the second camera anywhere on its ray is missed completely.
         return np.where(np.isfinite(distance) & (far[:, 2] > 0), distance * pixels, np.inf)
 
     def _rays(self, image: Image, xy: Floats, focal: float) -> Floats:
@@ -221,8 +235,7 @@ class _Epipolar:
 
 
 def _fits(epipolar: _Epipolar, every: str) -> float:
-    """By how much tracks miss; UserError, which ends in `every` (`if_every`), where the cameras are not the
-    clip's."""
+    """The residual of tracks; UserError, which ends in `every` (`if_every`), for another clip's cameras."""
     miss = epipolar.miss()
     if miss <= GOOD:
         return miss
@@ -261,7 +274,7 @@ def _fits(epipolar: _Epipolar, every: str) -> float:
 
 
 def _least(miss: Callable[[float], float], tried: Sequence[float]) -> tuple[float, float]:
-    """By how much tracks miss with what makes it least of what is tried, and that."""
+    """The least residual, and the tried value that has it."""
     found = [(value, each) for each in tried if np.isfinite(value := miss(each))]
     return min(found, default=(float("inf"), 0.0))
 

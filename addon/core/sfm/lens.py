@@ -1,10 +1,9 @@
-"""What a clip tells of its lens and its shutter, and taking both out of its tracks.
+"""The lens and shutter of a clip, and their removal from its tracks.
 
-A lens that bends and a focal length, a turn while rows are read and a scene's shape: much of one can pass for
-the other. So each term is kept only where it is told by far more than by its covariance's chance, where both
-halves of the clip tell the same, and where the focal length stays determined beside it; else it is held at 0.
-Brown, "Close-range camera calibration", 1971; Forssen and Ringaby, "Rectifying rolling shutter video from
-hand-held devices", 2010.
+Distortion, a focal length, a turn during readout and a scene's shape can be confused. Each term is kept only
+if it is far larger than its covariance, if both halves of the clip agree on it, and if the focal length stays
+determined beside it; else it is held at 0. Brown, "Close-range camera calibration", 1971; Forssen and
+Ringaby, "Rectifying rolling shutter video from hand-held devices", 2010.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ PINHOLE = np.zeros(len(SIGMA))
 # Chosen by inspection of clips with true lenses and of real ones where no line below gives a measurement
 # (`make bench-solve`).
 COMPARED = CalibrationOptions(longest=800, longest_in_frame=30)
-"""Which tracks tell it."""
+"""Tracks that determine the lens."""
 MIN_TRACKS = 60
 """Tracks with fewer of which, in either half of the clip, nothing is looked for."""
 MIN_KEYS = 12
@@ -53,9 +52,9 @@ BLOCKS = 8
 SIGMAS = 4.0
 """Standard deviations by which a term must differ from 0: two, times `self_calibration.UNMODELLED`."""
 FOCAL_SIGMA = 0.05
-"""Relative standard deviation of a free focal length, times `self_calibration.UNMODELLED`, past which a
-distortion cannot be told from it: the clip of a real desk, its camera's path 1 to 4 % of the depth, has
-0.08, and a focal length that runs off with k1."""
+"""Relative standard deviation of a free focal length, times `self_calibration.UNMODELLED`, from which
+distortion cannot be separated from it: the clip of a real desk, its camera's path 1 to 4 % of the depth, has
+0.08, and a focal length that diverges with k1."""
 NEAR = 0.1
 """Relative distance from the focal length to begin with, past which the search begins there as well."""
 MIN_SHARE = 0.4
@@ -64,7 +63,7 @@ meadow (real data) and 1.6 in the other are none."""
 MIN_FALL = 0.002
 """Share of the squared errors that what is found must explain."""
 ROUNDS = 3
-"""Times that it is found again, at most, with what is left of the tracks when it is taken out."""
+"""Most rounds of finding the lens again in tracks from which it was removed."""
 SETTLED = 1e-3
 """Change of every parameter at which that is enough."""
 ADJUSTMENT = AdjustmentOptions(settled=1e-6)
@@ -80,7 +79,7 @@ class Lens:
     parameters: Floats
     """(6,) as `Distortion.parameters`."""
     sigma: Floats
-    """(6,) their standard deviations; 0 of what is held."""
+    """(6,) standard deviations; 0 of held terms."""
     recorded: Tracks
     """With the same observations in the same order as those it is taken out of."""
 
@@ -103,8 +102,7 @@ class Lens:
 
     @property
     def corner(self) -> float:
-        """Share by which the picture's corner is farther from its middle than in a pinhole's picture;
-        negative for barrels."""
+        """Relative displacement of the picture's corner from a pinhole's picture; negative for barrels."""
         tracks = self.recorded
         unit = float(np.hypot(tracks.width, tracks.height)) / 2
         seen = self.intrinsics(unit).pinhole_pixels(np.array([[tracks.width, tracks.height]]))
@@ -112,7 +110,7 @@ class Lens:
 
     @property
     def is_one(self) -> bool:
-        """Whether it sees all of the picture: a polynomial may fold before the corner."""
+        """Return whether the lens sees all of the picture: a polynomial may fold before the corner."""
         return bool(np.isfinite(self.corner))
 
     def straightened(self, focal: Floats, speed: Floats) -> Tracks:
@@ -159,7 +157,7 @@ class Lens:
 
 
 def said(lens: Lens | None, focal: float) -> dict[str, Any]:
-    """For a solve's report: what was found at a focal length in pixels, of a lens that was looked for."""
+    """Return the figures of a lens for a solve's report, at a focal length in pixels."""
     if lens is None:
         return {"readout": [0.0, 0.0], "readout_sigma": [0.0, 0.0], "distortion": None}
     bends = bool(lens.parameters[[K1, K2]].any())
@@ -186,9 +184,9 @@ class Found:
 
 
 def find_lens(made: Solution, start: float, known: float) -> Found | None:
-    """What the keyframes of a solve tell of the lens and the shutter; None where they tell nothing.
+    """Find the lens and the shutter from a solve's keyframes; None without evidence.
 
-    The focal length is refined beside it, as by `refine_focal_length` with `start` and `known`.
+    The focal length is refined beside them, as by `refine_focal_length` with `start` and `known`.
     """
     fit = _Fit.of(made, made.tracks, known > 0)
     enough = len(fit.posed) >= MIN_KEYS and len(fit.bundle.points) >= MIN_TRACKS
@@ -259,7 +257,7 @@ class _Fit:
         return adjust(start, self.seen, self.loss, how, options=ADJUSTMENT)
 
     def put(self, made: Solution, found: Adjusted, lens: Lens) -> None:
-        """Go on with a solve from what was found, the lens taken out of its tracks."""
+        """Write an adjustment into a solve, with the lens removed from its tracks."""
         made.focal[:] = found.bundle.focal[0]
         made.tracks, made.recorded = lens.straightened(made.focal, self.speed), self.recorded.xy
         others = np.isfinite(made.translation[:, 0])
@@ -273,8 +271,11 @@ class _Fit:
         solution.drop_bad(made)
 
     def sigmas(self, found: Adjusted) -> Floats:
-        """(n,) standard deviations of what is common, if tracks and parts of the clip each have an error in
-        common. Cameron, Gelbach and Miller, "Robust inference with multiway clustering", 2011."""
+        """Return the standard deviations (n,) of the common parameters.
+
+        Tracks and parts of the clip each have a common error. Cameron, Gelbach and Miller, "Robust inference
+        with multiway clustering", 2011.
+        """
         block = self.seen.frame * BLOCKS // len(self.posed)
         both = self.seen.point.astype(np.int64) * BLOCKS + block
         one, other, shared = (np.diag(found.covariance(unit)) for unit in (self.seen.point, block, both))
@@ -282,16 +283,16 @@ class _Fit:
         return np.asarray(np.sqrt(np.maximum(one + other - shared, np.maximum(one, other))))
 
     def focal_sigma(self, found: Adjusted) -> float:
-        """Relative standard deviation of the focal length, with what no covariance knows; 0 where held."""
+        """Return the relative standard deviation of the focal length, with unmodelled errors; 0 if held."""
         return UNMODELLED * float(self.sigmas(found)[0]) if self.free_focal else 0.0
 
     def lens(self, found: Adjusted, terms: Sequence[int]) -> Lens:
-        """What was found."""
+        """Return the lens of an adjustment."""
         sigma = UNMODELLED * self.sigmas(found)[-len(SIGMA) :]
         return Lens(parameters_of(found), sigma * np.isin(np.arange(len(SIGMA)), terms), self.recorded)
 
     def told(self, start: float) -> tuple[tuple[int, ...], Adjusted] | None:
-        """Which terms the clip tells, and the cameras with them, whose focal length may be near `start`."""
+        """Return the terms with evidence, and the adjustment with them, from a focal length near `start`."""
         terms: tuple[int, ...] = (K1, ACROSS, DOWN)
         least = (1 - MIN_FALL) * self.adjusted(()).cost
         found = self._best(start, terms)
@@ -307,8 +308,10 @@ class _Fit:
         return (terms, found) if terms and found.cost < least and self._agrees(found, terms) else None
 
     def _best(self, start: float, terms: tuple[int, ...]) -> Adjusted:
-        """From the solve's focal length, or, where that was led far away, from `start`: what a lens bends
-        can be taken for twice the focal length, from which no way leads back."""
+        """Adjustment from the solve's focal length, or from `start` if that has diverged.
+
+        Distortion can double the focal length, and the adjustment does not come back.
+        """
         found = self.adjusted(terms)
         away = float(np.log(start / found.bundle.focal[0]))
         if not self.free_focal or abs(away) < NEAR:
@@ -318,12 +321,14 @@ class _Fit:
         return min(found, other, key=lambda each: each.cost)
 
     def _after(self, found: Adjusted, terms: tuple[int, ...]) -> Adjusted:
-        """With some terms free, from what was found with others."""
+        """Adjustment with some terms free, from one with others."""
         return replace(self, bundle=found.bundle).adjusted(terms, parameters_of(found))
 
     def _kept(self, found: Adjusted, terms: tuple[int, ...]) -> tuple[int, ...]:
-        """The terms that differ from 0 by more than chance; of the readouts the surer one alone, for a
-        shutter reads either rows or columns."""
+        """Terms that differ significantly from 0.
+
+        A shutter reads rows or columns: only the surer readout is kept.
+        """
         sigma = self.sigmas(found)[-len(SIGMA) :]
         times = np.abs(parameters_of(found)) / np.maximum(sigma, 1e-12)
         kept = [term for term in terms if times[term] > SIGMAS]
@@ -334,7 +339,7 @@ class _Fit:
         return tuple(kept)
 
     def _agrees(self, found: Adjusted, terms: tuple[int, ...]) -> bool:
-        """Whether both halves of the clip tell the same as the whole."""
+        """Return whether both halves of the clip agree with the whole."""
         whole = _effects(found)
         for half in np.array_split(np.arange(len(self.posed), dtype=np.int32), 2):
             part = self._part(found.bundle, half)

@@ -24,17 +24,17 @@ INSIDE = 0.5
 def without_people(
     tracks: Tracks, footage: Footage, progress: Progress, networks: Networks | None = None
 ) -> Tracks | None:
-    """Return the tracks that are not on people who are the clip's subjects.
+    """Return the tracks that are not on people, if people are the clip's subjects.
 
     Args:
         tracks: Those of the clip.
         footage: The clip.
-        progress: Called with the stage, and the frames that are done and all frames.
+        progress: Called with the stage, done and all frames.
         networks: Those that recognise people.
 
     Returns:
         Tracks with the same numbers, without the observations of the tracks on people; None where the
-        networks are missing, or find no people.
+            networks are missing, or find no people.
 
     Raises:
         UserError: A frame cannot be read.

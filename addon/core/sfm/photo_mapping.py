@@ -1,9 +1,8 @@
-"""Cameras and points of photos in no order, by COLMAP's incremental mapping. Worker process only.
+"""Cameras and points of unordered photos, by COLMAP's incremental mapping. Worker process only.
 
 Photos of one size and focal length share a camera: a focal length and one term of radial distortion, which
-wide angles between the photos determine. Where these are narrow both are held at what is known before.
-
-Schönberger and Frahm, "Structure-from-motion revisited", 2016.
+wide angles between the photos determine. With narrow angles both are held at their priors. Schönberger and
+Frahm, "Structure-from-motion revisited", 2016.
 """
 
 from __future__ import annotations
@@ -36,8 +35,8 @@ MODEL = "SIMPLE_RADIAL"
 
 # Chosen by inspection of solved photos where no line below gives a measurement.
 START_FOCAL = 0.85
-"""Focal length to begin with where nothing tells it, in long sides of the photo: a phone's main camera.
-Wide angles correct it."""
+"""Initial focal length without a prior, in long sides of the photo: a phone's main camera. Wide angles
+correct it."""
 WIDE_ANGLES = (8.0, 4.0)
 """Degrees between two photos of a point to begin with, at which focal lengths are found, too; COLMAP's 16
 fail on photos taken from one place with a stretched arm."""
@@ -55,11 +54,11 @@ MIN_POINTS = 12
 
 @dataclass(frozen=True)
 class Placed:
-    """A reconstruction and what is to be said of it."""
+    """A reconstruction and its report's figures."""
 
     reconstruction: Reconstruction
     is_calibrated: bool
-    """The photos say the focal length, not what was known before."""
+    """True if the focal length comes from the photos, not from the prior."""
     angle: float
     """Median degrees between a point's outermost rays."""
 
@@ -71,10 +70,17 @@ def place_photos(
     is_held: bool,
     progress: Progress,
 ) -> Placed:
-    """Cameras and points of photos from their matches, normalised.
+    """Return cameras and points of photos from their matches, normalised.
 
-    `focal` is what is known of a photo's focal length in pixels, which `is_held` or refined. UserError where
-    no two photos show one scene from different places.
+    Args:
+        photos: The photos.
+        matches: Matched features of pairs.
+        focal: Returns a photo's prior focal length in pixels.
+        is_held: True to hold it.
+        progress: Called with the stage, done and all steps.
+
+    Raises:
+        UserError: No two photos show one scene from different places.
     """
     with temporary_folder() as folder:
         database = folder / "database.db"

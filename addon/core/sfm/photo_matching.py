@@ -35,7 +35,7 @@ LEAST_FEATURES = 2000
 
 @dataclass(frozen=True)
 class Photo:
-    """What was found in one picture."""
+    """The features of one picture."""
 
     frame: int
     name: str
@@ -50,8 +50,11 @@ class Photo:
 
 
 def find_features(footage: Footage, progress: Progress) -> list[Photo]:
-    """The features of all photos; UserError where there are too few photos or too many, or one cannot be
-    read."""
+    """Return the features of all photos.
+
+    Raises:
+        UserError: There are too few photos or too many, or one cannot be read.
+    """
     count = len(footage.frames)
     if not 2 <= count <= MOST_STILLS:
         raise UserError(

@@ -35,7 +35,7 @@ CAMERAS = "cameras.json"
 CLOUD = "cloud"
 """In that folder, points that were given with them and that no two frames see."""
 END = 0.3
-"""Seconds that the worker has to end by itself: it has nothing to clean up, and who cancels waits."""
+"""Seconds until the worker ends on its own: it has nothing to clean up, and the user waits."""
 LOOK = 0.05
 """Seconds between two looks at the worker."""
 
@@ -51,7 +51,7 @@ class SolveProgress:
 
     @property
     def stage(self) -> str:
-        """What is being done, without how far it is."""
+        """Name of the present step, without its progress."""
         return self.text.rstrip(" 0123456789/")
 
 
@@ -78,10 +78,21 @@ class SolveProcess:
         depth_maps: Path | None = None,
         stills: bool = False,
     ) -> None:
-        """With `yielding` other programs go first, such as the interface that waits for it; with `cameras`,
-        another program's of the clip, these are held and only points are found. `depth_maps` of the clip are
-        for one whose camera stays in its place, which is refused without. `stills` are photos in no order; a
-        sequence that cannot be followed may turn out to be some."""
+        """Start a solve.
+
+        Args:
+            footage: The clip.
+            work_dir: Working folder.
+            frames: Range of frames.
+            focal: Known focal length.
+            again: True to replace a solve.
+            tracker: Name of the tracker.
+            zooms: True if the lens zooms.
+            yielding: True to give other programs priority, such as the interface.
+            cameras: Another program's cameras, which are held.
+            depth_maps: Maps for a camera that stays in its place, which is refused without.
+            stills: True for unordered photos; a sequence that cannot be followed may turn out to be photos.
+        """
         self.work_dir = work_dir
         self._yields = yielding
         self._cameras = cameras
@@ -89,7 +100,7 @@ class SolveProcess:
         self._staging: Staging | None = None
         self.finished = False
         self.sight: Sight | None = None
-        """What the tracker saw last."""
+        """The tracker's last picture."""
         collect_temporary()
         self.clip = open_footage(footage, frames, stills=stills)
         self.clip.close()
@@ -99,7 +110,7 @@ class SolveProcess:
         self._options: dict[str, Any] = {"focal": pixels, "tracker": tracker, "zooms": zooms}
         if cameras is not None:
             self._options = {"imported": cameras.format, "tracker": tracker}
-        # What nobody asked for is taken as it was found.
+        # Values that were not requested are taken from the kept solve.
         self._options["stills"] = self.clip.is_stills or None
         if self._is_kept(again):
             self.finished = True
@@ -120,7 +131,7 @@ class SolveProcess:
             raise
 
     def _is_kept(self, again: bool) -> bool:
-        """Whether the folder keeps this very solve; UserError where it keeps what may not be replaced."""
+        """Return whether the folder keeps this very solve; UserError for one that may not be replaced."""
         if self._cameras is not None:
             check_import(self.work_dir, self.clip, again)
             return False
@@ -157,7 +168,11 @@ class SolveProcess:
         self._job.start(command, self._yields, _environment())
 
     def poll(self) -> list[SolveProgress]:
-        """What happened since the last call; `finished` is set at the end. UserError if the solve failed."""
+        """Return the events since the last call, with `finished` at the end.
+
+        Raises:
+            UserError: The solve failed.
+        """
         steps: list[SolveProgress] = []
         for message in self._job.poll():
             if isinstance(message, Progress):
@@ -209,7 +224,7 @@ class SolveProcess:
 
 
 def _refuse_import(work_dir: Path) -> None:
-    # What another program found may have cost more than a solve, and is not ours to throw away unasked.
+    # Another program's cameras may have cost more than a solve, and are not thrown away unasked.
     imported = imported_from(work_dir)
     if imported:
         raise UserError(

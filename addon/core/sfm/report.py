@@ -29,17 +29,17 @@ UNSURE_FOCAL = 0.02
 UNSURE_DEPTH = 0.015
 """Relative standard deviations above which lengths are not to be relied on."""
 UNTOLD_DEPTH = 0.5
-"""Share of a depth by which it is as good as unknown."""
+"""Relative error of a depth from which it is nearly unknown."""
 EXPLAINED = 0.8
 WRONG_ERROR, WRONG_SHARE = 4.0, 0.005
-"""Mean reprojection error, in pixels and in long sides, above both of which a model is not of these frames:
-COLMAP drops observations from 4 pixels on, and half a per cent is what large pictures are allowed. Chosen by
-inspection."""
+"""Mean reprojection error, in pixels and in long sides, above both of which a model does not belong to these
+frames: COLMAP drops observations from 4 pixels on, and half a per cent is the limit for large pictures.
+Chosen by inspection."""
 
 
 @dataclass(frozen=True)
 class LensReport:
-    """What a solve that looked for them found of its lens and its shutter; 0 is what it held."""
+    """The lens and shutter of a solve that searched for them; held terms are 0."""
 
     distortion: list[float]
     """k1 and k2 of COLMAP's RADIAL and OpenCV's model."""
@@ -52,11 +52,11 @@ class LensReport:
     readout_sigma: list[float]
     """Their standard deviations."""
     frame_ms: float | None
-    """Milliseconds from a frame to the next; None where the clip does not say."""
+    """Milliseconds from a frame to the next; None if the clip has no rate."""
 
     @classmethod
     def of(cls, said: dict[str, Any]) -> LensReport | None:
-        """Of what a solver reported; None where it looked for no lens."""
+        """Read the lens of a solver's report; None if it did not search for one."""
         if "readout" not in said:
             return None
         found = said.get("distortion") or {"terms": [0.0, 0.0], "sigma": [0.0, 0.0], "corner": 0.0}
@@ -118,7 +118,7 @@ class Report:
     focal: list[float]
     """Least and greatest focal length."""
     focal_sigma: float | None
-    """Relative standard deviation; None where nobody said."""
+    """Relative standard deviation; None if it is unknown."""
     focal_from: str
     """"clip", "given", "guess" or "file"."""
     lens: LensReport | None
@@ -126,26 +126,26 @@ class Report:
     angle: list[float] | None
     """Degrees between the outermost rays of a point: quartiles. None where no point is seen twice."""
     distances: list[float]
-    """Of points from cameras, along the view, in the model's own unit: 2nd percentile, median, 98th."""
+    """Distances of points from cameras, along the view, in the model's own unit: 2nd percentile, median,
+    98th."""
     depth_sigma: float | None
-    """Relative standard deviation of a typical depth; None where no reprojection error or angle tells it."""
+    """Relative standard deviation of a typical depth; None without reprojection errors or angles."""
     explained: float | None
     """Share of the tracked observations that agree with a scene that stands still."""
     weak: list[int]
     """Frames with fewer than `WEAK` points."""
     notes: list[str]
     advice: str
-    """What would help the solve most; empty where nothing need be done."""
+    """The most useful advice; empty if none is needed."""
     remedies: tuple[Remedy, ...]
-    """What to set to follow the advice."""
+    """Settings that follow the advice."""
 
     def as_dict(self) -> dict[str, Any]:
         """All fields, as they are written to JSON."""
         return asdict(self)
 
     def advised(self, words: Words) -> str:
-        """What to do, in a line or two: the share that stands still, if it is small, and the advice; empty
-        where there is nothing to do."""
+        """Return the advice in a line or two, with the static share if it is small; empty without advice."""
         lines = []
         if self.explained is not None and self.explained < EXPLAINED:
             lines.append(f"only {100 * self.explained:.0f} % of what was tracked stands still")
@@ -155,7 +155,7 @@ class Report:
         return [f"advice: {with_words(self.advice, self.remedies, words)}"] if self.advice else []
 
     def text(self, words: Words) -> str:
-        """For people, the advice with an interface's names for what it tells to set."""
+        """Return the report for users, with an interface's names of settings."""
         sigma = "" if self.focal_sigma is None else f" +- {100 * self.focal_sigma:.1f} %"
         low, high = self.focal
         lens = f"{low:.0f} px" if high - low < 0.5 else f"{low:.0f} to {high:.0f} px"
@@ -207,7 +207,13 @@ class Report:
 
 
 def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[str, Any]) -> Report:
-    """Of a reconstruction of the clip's `frames`; `said` is what the solver or the reader reported of it."""
+    """Return the report on a reconstruction.
+
+    Args:
+        reconstruction: The reconstruction.
+        frames: Frames of the clip.
+        said: Figures of the solver or reader.
+    """
     counts = np.array([len(image.points) for image in reconstruction.images])
     seen = set(reconstruction.frames.tolist())
     missing = [frame for frame in frames if frame not in seen]
@@ -256,8 +262,10 @@ def _advice(
     weak: list[int],
     estimated: bool,
 ) -> tuple[str, tuple[Remedy, ...]]:
-    """The one thing that would help most, and where to set it. `wrong` is a reprojection error that cannot
-    be; `estimated` whether the clip shows no depth."""
+    """The one thing that would help most, and where to set it.
+
+    `wrong` is a reprojection error that cannot be; `estimated` whether the clip shows no depth.
+    """
     if wrong is not None:
         return (
             f"the points miss the places where the frames show them by {wrong:.0f} px: these cameras do not"
@@ -328,8 +336,10 @@ def _coverage(reconstruction: Reconstruction) -> float:
 
 
 def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]:
-    """Of all images in order: point (m,), residual (m, 2) in pixels, NaN behind the camera, and unit ray (m,
-    3) in the world."""
+    """Point (m,), residual (m, 2) and ray (m, 3) of all observations, in the order of images.
+
+    Residuals are in pixels, NaN behind the camera; rays are unit vectors in the world.
+    """
     points, residuals, rays = [], [], []
     for image in reconstruction.images:
         points.append(image.points)

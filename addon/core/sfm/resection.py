@@ -10,13 +10,19 @@ from .bundle_adjustment import Bundle, Observations, pose_derivatives, summed, t
 from .solution import Solution
 
 STEPS = 6
-"""Of Gauss and Newton's method, after which poses that begin between those of keyframes have settled."""
+"""Steps of Gauss-Newton, after which poses that begin between keyframes have settled."""
 
 
 def resected(made: Solution, kept: Ints) -> tuple[Floats, Floats]:
-    """(F, 3, 3) rotations and (F, 3) translations of all frames of a solve whose keyframes have poses, from
-    the points of its tracks `kept` (p,); registered frames keep theirs. Between them, poses begin between
-    those of their neighbours, and stay there where a frame sees too little."""
+    """Return rotations (F, 3, 3) and translations (F, 3) of all frames from the points of kept tracks.
+
+    Registered frames keep their poses. Others begin between their neighbours, and stay there with too few
+    points.
+
+    Args:
+        made: A solve of keyframes.
+        kept: (p,) tracks.
+    """
     tracks = made.tracks
     posed = np.nonzero(np.isfinite(made.translation[:, 0]))[0]
     rotation, translation = _between(made, posed)

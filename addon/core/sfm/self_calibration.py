@@ -1,4 +1,4 @@
-"""Focal lengths, as far as a clip determines them, and whether it tells depth at all."""
+"""Focal lengths as far as a clip determines them, and a test of its depth."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from .tracks import Tracks
 
 # Chosen by inspection of solved clips where no line below gives a measurement.
 UNMODELLED = 2.0
-"""Factor by which errors of focal lengths on clips with truth exceed what the covariance says of them,
-which knows nothing of occlusions and highlights (`make bench-solve`)."""
+"""Ratio of the errors of focal lengths on clips with truth to their covariance, which ignores occlusions and
+highlights (`make bench-solve`)."""
 MIN_AGREEMENT = 0.6
 """Rank correlation of the depths from the clip's two halves below which there is no depth in it."""
 ZOOM_STEP = 0.02
@@ -38,12 +38,13 @@ class CalibrationOptions:
 def refine_focal_length(
     made: Solution, start: float, known: float, options: CalibrationOptions = CalibrationOptions()
 ) -> tuple[float, bool]:
-    """Weigh what the clip says of the focal length against `start`, known to a relative sigma `known`.
+    """Refine the focal length by the clip, with `start` as a prior of relative sigma `known`.
 
-    Returns the relative sigma of what comes of it, and whether the clip had the larger say.
+    With a path of a few per cent of the depth the focal length is hardly determined; in a walk straight ahead
+    it is not determined. The covariance shows it, if whole tracks are its units.
 
-    With a path of a few per cent of the depth the focal length is hardly determined and runs off; in a walk
-    straight ahead it is not determined at all. The covariance tells, if whole tracks are its units.
+    Returns:
+        The relative sigma of the result, and whether the clip's part of it is larger than the prior's.
     """
     if known == 0:
         return 0.0, False
@@ -62,8 +63,7 @@ def refine_focal_length(
 def as_bundle(
     made: Solution, options: CalibrationOptions = CalibrationOptions()
 ) -> tuple[Bundle, Observations, Ints, Ints]:
-    """The keyframes and the best of their points for an adjustment; frames (k,) and tracks (p,) that they
-    are."""
+    """Return an adjustment of the keyframes and their best points, with frames (k,) and tracks (p,)."""
     tracks = made.tracks
     posed = np.nonzero(np.isfinite(made.translation[:, 0]))[0].astype(np.int32)
     rows = np.nonzero(made.used)[0]
@@ -83,16 +83,26 @@ def as_bundle(
 
 
 def put_back(made: Solution, bundle: Bundle, posed: Ints, kept: Ints) -> None:
-    """Write an adjusted bundle of `as_bundle`, of frames (k,) and tracks (p,), into the solve; other points
-    are forgotten. Focal lengths stay."""
+    """Write an adjusted bundle of `as_bundle` into the solve.
+
+    Other points are dropped, and focal lengths are unchanged.
+
+    Args:
+        made: The solve.
+        bundle: The adjusted bundle.
+        posed: (k,) its frames.
+        kept: (p,) its tracks.
+    """
     made.rotation[posed], made.translation[posed] = bundle.rotation, bundle.translation
     made.xyz[:] = np.nan
     made.xyz[kept] = bundle.world
 
 
 def halves_disagree(made: Solution) -> bool:
-    """Whether the clip's two halves find different depths: reprojection errors of a pan look as good as those
-    of any other solve."""
+    """Return whether the clip's two halves find different depths.
+
+    Reprojection errors of a pan are as small as those of any other solve.
+    """
     bundle, seen, _, _ = as_bundle(made)
     correlation = agreement(seen, bundle)
     return correlation is not None and correlation < MIN_AGREEMENT
@@ -102,9 +112,9 @@ def halves_disagree(made: Solution) -> bool:
 
 
 def zoom_ratios(tracks: Tracks) -> Floats:
-    """(F,) focal length of each frame relative to the middle one, as far as the growth of the picture tells.
+    """Return the focal length (F,) of each frame relative to the middle one, from the picture's growth.
 
-    Walking ahead makes the picture grow, too: `refine_zoom` tells the two apart.
+    A walk ahead also makes the picture grow: `refine_zoom` separates both.
     """
     steps = [0.0]
     for index in range(1, len(tracks.frames)):
@@ -135,8 +145,10 @@ def zoomed(tracks: Tracks, ratio: Floats) -> Tracks:
 
 
 def refine_zoom(made: Solution, tracks: Tracks, ratio: Floats) -> None:
-    """Turn a solution of tracks whose zoom, `ratio` (F,), was taken out into one of `tracks`, with a focal
-    length a frame."""
+    """Turn a solution of unzoomed tracks into one of `tracks`, with a focal length for each frame.
+
+    The zoom that was removed is `ratio` (F,).
+    """
     made.tracks = tracks
     made.focal = made.focal * ratio
     bundle, seen, posed, kept = as_bundle(made)

@@ -1,4 +1,4 @@
-"""SIFT: keypoints to follow, or matched from frame to frame and over gaps by what they look like.
+"""SIFT keypoints, followed by flow, or matched from frame to frame and over gaps.
 
 Lowe, "Distinctive image features from scale-invariant keypoints", 2004. Places are OpenCV's, the first
 pixel's middle at (0, 0).
@@ -42,7 +42,7 @@ RENEW = 0.9
 
 @dataclass
 class Keypoints(Rows):
-    """What SIFT finds in a frame, one a place: it repeats a place for each of its orientations."""
+    """SIFT keypoints of a frame, one for each place; SIFT repeats places for its orientations."""
 
     places: Places
     """(n, 2)"""
@@ -112,7 +112,7 @@ class _Known(Rows):
     looks: Descriptors
     """(n, 128) SIFT descriptors where they were last seen."""
     patches: Patches
-    """What they looked like at first."""
+    """Their first appearance."""
 
 
 class Matcher:
@@ -151,7 +151,7 @@ class Matcher:
         now = again.kept(alike)
         now = now.kept(np.argsort(now.numbers)).joined(self._new(found.kept(rest)))
         now.patches.learn(picture, now.places)
-        # What had been followed, and is not long gone, may come back.
+        # Recently lost tracks may come back.
         lost = ~np.isin(self._known.numbers, now.numbers) & (self._known.views > 1)
         lost &= self._index - self._known.seen < PATIENCE
         self._known = self._known.kept(lost).joined(now)
@@ -173,7 +173,7 @@ class Matcher:
             rows = candidates[here]
             now, jump = places[rows], JUMP * each
             alike, judged = neighbour_consistency(before[there], now, cell, jump)
-            # A wall alone does not determine the fundamental matrix for what stands before it.
+            # A wall alone does not determine the fundamental matrix of things in front of it.
             fits = alike | (epipolar(before[there], now) & ~judged)
             if fits.sum() >= max(MIN_SUPPORT, MIN_AGREEING * len(fits)):
                 good[rows[fits & (age[rows] == each)]] = True

@@ -1,10 +1,8 @@
-"""Cameras and points from tracks alone, without pairs of pictures to begin with: for a hand that only
-trembles.
+"""Cameras and points from tracks without an initial pair, for a camera with hardly any motion.
 
-All points begin infinitely far, which leaves each camera's turn; then all of them get about the same depth,
-the cameras about the same place, and one adjustment finds the rest. That works as long as the picture hangs
-together: points seen in a good part of the frames. Yu and Gallup, "3D reconstruction from accidental motion",
-2014.
+All points begin at infinity, which leaves each camera's turn; then all of them get about the same depth, the
+cameras about the same place, and one adjustment finds the rest. Points must be seen in a good part of the
+frames. Yu and Gallup, "3D reconstruction from accidental motion", 2014.
 """
 
 from __future__ import annotations
@@ -55,7 +53,7 @@ def long_tracks(tracks: Tracks, keys: list[int]) -> LongTracks:
 def select_observations(
     tracks: Tracks, frames: Ints, kept: Ints, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]
 ) -> Observations:
-    """Of the observations `rows` (m,) those of tracks `kept` (P,) in `frames` (F,), numbered as in these."""
+    """Return the selected observations (m,) of tracks (P,) in frames (F,), renumbered."""
     place, number = np.full(len(tracks.frames), -1, np.int32), np.full(tracks.count, -1, np.int32)
     place[frames], number[kept] = np.arange(len(frames)), np.arange(len(kept))
     rows = rows & (place[tracks.frame_index] >= 0) & (number[tracks.track] >= 0)
@@ -96,10 +94,10 @@ def general_motion(span: LongTracks, start: Bundle) -> Adjusted:
 
 
 def agreement(seen: Observations, bundle: Bundle) -> float | None:
-    """Rank correlation of the points' inverse depths from the clip's first half and from its second.
+    """Return the rank correlation of the points' inverse depths from both halves of the clip.
 
-    Depth that is really there is found twice; what follows from noise and drift of the tracks is not. None
-    where too few points are seen in both halves.
+    Real depth is found twice; depth from noise and drift of the tracks is not. None with too few points in
+    both halves.
     """
     half = (len(bundle.focal) + 1) // 2
     halves = [_inverse_depths(seen, bundle, seen.frame // half == n, MIN_VIEWS) for n in (0, 1)]
@@ -116,7 +114,7 @@ def _ahead(bundle: Bundle) -> Floats:
 
 
 def _chained(span: LongTracks, rays: Floats) -> Floats:
-    """(F, 3, 3) rotations, each from the frame before by the rays (m, 3) of what both see."""
+    """(F, 3, 3) rotations, each relative to the frame before by the rays (m, 3) of common points."""
     seen = span.seen
     members = [np.nonzero(seen.frame == frame)[0] for frame in range(span.frames)]
     rotation = [np.eye(3)]

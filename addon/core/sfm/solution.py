@@ -1,4 +1,4 @@
-"""A solve under way: poses of frames, points of tracks, and what brings them closer to each other."""
+"""A solve in progress: poses of frames and points of tracks, and their refinement."""
 
 from __future__ import annotations
 
@@ -97,10 +97,10 @@ def explained(solution: Solution) -> tuple[float, Ints]:
 
 
 def score(solution: Solution, keys: list[int]) -> float:
-    """How much of what lasting tracks tell in the keyframes is explained, and how closely; 1 is all, exactly.
+    """Return the share of lasting tracks in the keyframes that is explained, by closeness; 1 is all, exactly.
 
-    A truncated quadratic of the errors: a scene that bends to explain two motions a little loses to one that
-    explains the one well (MSAC: Torr and Zisserman, "MLESAC", 2000).
+    A truncated quadratic of the errors: a scene that bends to explain two motions roughly loses to one that
+    explains one motion well (MSAC: Torr and Zisserman, "MLESAC", 2000).
     """
     tracks = solution.tracks
     is_key = np.zeros(len(tracks.frames), bool)
@@ -142,7 +142,7 @@ def register_frames(solution: Solution, progress: Progress) -> None:
 def triangulate(solution: Solution) -> None:
     """Points for tracks that have none: where their rays come closest, by least squares."""
     tracks = solution.tracks
-    # What was dropped with another pose or focal length is tried again.
+    # Observations dropped with another pose or focal length are tried again.
     solution.used = np.ones(len(tracks.xy), bool)
     posed = np.isfinite(solution.translation[:, 0])
     wanted = np.isnan(solution.xyz[:, 0]) & (np.bincount(tracks.track, minlength=tracks.count) >= MIN_VIEWS)
@@ -151,8 +151,15 @@ def triangulate(solution: Solution) -> None:
 
 
 def nearest_points(solution: Solution, rows: Mask, weights: Floats | None = None) -> Floats:
-    """(count, 3) points where the rays of the observations `rows` (m,) come closest, by least squares with
-    `weights` (m,); NaN where fewer than `MIN_VIEWS` of a track are among them, or these are parallel."""
+    """Return the points (count, 3) nearest to the rays of the selected observations.
+
+    Least squares; NaN with fewer than `MIN_VIEWS` observations of a track, or parallel rays.
+
+    Args:
+        solution: The solve.
+        rows: (m,) selected observations.
+        weights: (m,).
+    """
     tracks = solution.tracks
     track, frame = tracks.track[rows], tracks.frame_index[rows]
     centres, rays = solution.rays()
@@ -181,7 +188,7 @@ def drop_bad(solution: Solution) -> None:
     posed = np.isfinite(solution.translation[tracks.frame_index, 0])
     seen = np.bincount(tracks.track, weights=posed, minlength=tracks.count)
     views = np.bincount(tracks.track[solution.used], minlength=tracks.count)
-    # A point that half of its own observations contradict moves on its own or was tracked wrongly.
+    # A point that half of its observations contradict is moving, or was tracked wrongly.
     solution.xyz[(views < MIN_VIEWS) | (views < 0.5 * seen)] = np.nan
     solution.used &= np.isfinite(solution.xyz[tracks.track, 0])
 

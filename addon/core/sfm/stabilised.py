@@ -1,14 +1,11 @@
-"""Clips whose pictures were shifted so that something in mid-scene stays in place: they cannot be solved.
+"""Clips whose pictures were shifted to keep something in mid-scene in place: they cannot be solved.
 
-Rectified light fields and stabilised clips are such: their principal point moves from frame to frame. Of a
-camera that slides without turning a place is seen at
-
-    x_ij = a_j + d_j m_i + s_i,
-
-with inverse depth d_j, the camera's place m_i and the picture's shift s_i. The same pictures belong to
-depths -d_j and places -m_i: what is near and what is far is not in them, nor where infinity is (as with
-affine cameras: Koenderink and van Doorn, "Affine structure from motion", 1991). Solved with a principal point
-that is held, such shifts are taken for turns, and depth comes out wrong with small errors.
+Rectified light fields and stabilised clips have a principal point that moves from frame to frame. For a
+camera that slides without turning, a place is seen at x_ij = a_j + d_j m_i + s_i, with inverse depth d_j, the
+camera's place m_i and the picture's shift s_i. The same pictures belong to depths -d_j and places -m_i: they
+contain neither the order of depths nor infinity (as with affine cameras: Koenderink and van Doorn, "Affine
+structure from motion", 1991). Solved with a principal point that is held, such shifts are taken for turns,
+and depth is wrong with small errors.
 """
 
 from __future__ import annotations
@@ -31,7 +28,7 @@ MIN_TRACKS = 40
 MIN_GAIN = 1.2
 """Ratio of the scores of shifted pictures and of cameras that turn, past which a clip is refused."""
 TELLING_SCORE = 0.5
-"""Score of shifted pictures (1 explains all) past which they tell the order of the tracks' motion."""
+"""Score of shifted pictures (1 explains all) from which they give the order of the tracks' motion."""
 MIN_ORDER = 0.5
 """Absolute rank correlation of a solve's inverse depths with motion below which they contradict it."""
 
@@ -47,8 +44,14 @@ class Shifted:
 
 
 def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> Shifted | None:
-    """Of observations in so many frames of so many points; `loss` in pixels. None where they hang together
-    too little."""
+    """Fit shifted pictures to observations; None without enough connections.
+
+    Args:
+        seen: Observations.
+        frames: Number of frames.
+        points: Number of points.
+        loss: In pixels.
+    """
     frame, point, xy = seen.frame, seen.point, seen.xy
     place = np.full((frames, points, 2), np.nan)
     place[frame, point] = xy
@@ -85,7 +88,10 @@ def _weight(error: Floats, loss: float) -> Floats:
 
 
 def _slopes(x: Floats, y: Floats, weight: Floats, group: Ints, count: int) -> tuple[Floats, Floats]:
-    """Of y (m, 2) = slope (2,) x (m,) + offset (2,), (count, 2) each, by weighted least squares in groups."""
+    """Slope and offset (count, 2) of y (m, 2) = slope (2,) x (m,) + offset (2,), in groups.
+
+    Weighted least squares.
+    """
     known = weight > 0
     x, y, weight, group = x[known], y[known], weight[known], group[known]
     total = np.maximum(np.bincount(group, weight, count), 1e-12)
@@ -101,7 +107,7 @@ def _slopes(x: Floats, y: Floats, weight: Floats, group: Ints, count: int) -> tu
 
 
 def _common_slope(x: Floats, y: Floats, weight: Floats, group: Ints, count: int) -> tuple[Floats, Floats]:
-    """Of y (m, 2) = slope x (m, 2) + offset (2,): slope (count,) and offset (count, 2), in groups."""
+    """Slope (count,) and offset (count, 2) of y (m, 2) = slope x (m, 2) + offset (2,), in groups."""
     total = np.maximum(np.bincount(group, weight, count), 1e-12)
     mean_x, mean_y = (
         np.stack([np.bincount(group, weight * z[:, k], count) / total for k in (0, 1)], axis=1)

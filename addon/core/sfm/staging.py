@@ -1,4 +1,4 @@
-"""How a solve comes into a working folder: as a whole, or not at all, whatever ends its process."""
+"""Atomic placement of a solve in a working folder, in whatever way its process ends."""
 
 from __future__ import annotations
 
@@ -58,10 +58,16 @@ class Staging:
     def keep(
         self, footage: Footage, clip_identity: str, options: dict[str, Any], said: dict[str, Any]
     ) -> None:
-        """Move `model` into place, the state file last, because it makes the folder a solve.
+        """Move `model` into place, the state file last, as it makes the folder a solve.
 
-        `clip_identity` is the clip's before it was solved, `options` tell this solve from others of the same
-        clip. Raises UserError, the old solve as it was.
+        Args:
+            footage: The clip.
+            clip_identity: Identity of the clip before it was solved.
+            options: Options that distinguish this solve from others of the clip.
+            said: Figures of the report.
+
+        Raises:
+            UserError: It cannot be moved; the old solve is unchanged.
         """
         if identity(footage.path) != clip_identity:
             raise UserError(f"the clip {footage.path} changed while it was being solved; solve it again")
@@ -122,12 +128,12 @@ class Staging:
 
 
 def recover(work_dir: Path, lock: FolderLock | None = None) -> None:
-    """Remove what dead processes left in a working folder; what one had begun to move into place is ended.
+    """Remove the remains of dead processes from a working folder; unfinished moves are completed.
 
-    Harmless whoever else does the same, and while somebody solves there. `lock` is the caller's own.
+    It is harmless beside others that do the same, and during a solve. `lock` is the caller's own.
     """
     if lock is not None and lock.is_locked:
-        # Whoever made another one had the lock, and has it no more.
+        # The maker of another one had the lock, and has released it.
         left = [path for path in work_dir.iterdir() if path.name.startswith(PREFIX)]
     else:
         left = atomic.orphans(work_dir, PREFIX, work_dir / NAME)
@@ -139,8 +145,7 @@ def recover(work_dir: Path, lock: FolderLock | None = None) -> None:
 
 
 def _finish_moving(work_dir: Path, folder: Path) -> None:
-    """Bring to its end what `Staging.keep` began to move out of a folder: the model is moved before its
-    state."""
+    """Complete a move of `Staging.keep` out of a folder: the model is moved before its state."""
     if not (work_dir / MODEL).exists() and (folder / OLD).exists():
         (folder / OLD).rename(work_dir / MODEL)
         return

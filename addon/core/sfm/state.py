@@ -1,4 +1,4 @@
-"""What a working folder says of its solve: `solve.json`, read and checked, and the model that it is of."""
+"""The state of a working folder: `solve.json`, read and checked, and its model."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..media.clip_identity import is_same_clip
 STATE = "solve.json"
 MODEL = "model"
 DIGEST = "digest"
-"""Of all else in a state; one that was edited by hand may leave it out."""
+"""Digest of the rest of a state; a state edited by hand may lack it."""
 VERSION = 1
 LONGEST = 64 << 20
 """Bytes of a state at most: a frame's number takes ten, so it has room for days of video."""
@@ -28,7 +28,11 @@ class UnusableStateError(UserError):
 
 
 def read_state(work_dir: Path) -> dict[str, Any] | None:
-    """What `solve.json` says; None where there is none. UnusableStateError where it cannot be used."""
+    """Return the content of `solve.json`; None without it.
+
+    Raises:
+        UnusableStateError: It cannot be used.
+    """
     path = work_dir / STATE
     try:
         text = read_regular(path, LONGEST).decode()
@@ -59,7 +63,7 @@ def read_state(work_dir: Path) -> dict[str, Any] | None:
 
 
 def is_state_file(path: Path) -> bool:
-    """Whether a file is what a working folder says of its solve, wherever it lies, or is in its place."""
+    """Return whether a file is a state file, wherever it lies, or has its name."""
     try:
         held = json.loads(read_regular(path))
     except (OSError, ValueError, RecursionError):
@@ -113,7 +117,11 @@ def check_model(model: Path, state: dict[str, Any]) -> None:
 
 
 def is_state_of(state: dict[str, Any], clip: Path) -> bool:
-    """Whether a state is of a solve of this very clip. UserError where the clip cannot be read."""
+    """Return whether a state belongs to a solve of this very clip.
+
+    Raises:
+        UserError: The clip cannot be read.
+    """
     return is_same_clip(clip, state["identity"])
 
 

@@ -1,9 +1,9 @@
-"""Whether a clip shows depth: what a camera that stays in its place leaves unexplained, against the noise.
+"""Test of a clip for depth: the residual of a camera that stays in its place, against the noise.
 
-A pan through a lens that distorts, zooms or is read row by row is solved with small errors as a scene of made
-up depths. So both cameras have all of these, the one that turns and the one that moves. A homography a frame
-would leave no more than the first, but explains a camera that moves before a plane as well. Torr, "Geometric
-motion segmentation and model selection", 1998.
+A pan through a lens that distorts, zooms or is read row by row can be solved as a scene of wrong depths with
+small errors. So both models, the turning camera and the moving one, have all of these. A homography for each
+frame would leave no more than the first, but also explains a camera that moves before a plane. Torr,
+"Geometric motion segmentation and model selection", 1998.
 """
 
 from __future__ import annotations
@@ -32,27 +32,29 @@ ZOOM_STEP = 0.1
 """Relative change of the focal length from a keyframe to the next that costs as much as an observation
 that is off by `LOSS`. Chosen by inspection, and wide: the pictures decide."""
 TELLING = 90.0
-"""Percentile of the tracks by their parallax that is reported: something near that fills a tenth of the
-picture before a far background tells depth."""
+"""Percentile of the tracks by parallax that is reported: a near thing on a tenth of the picture before a far
+background is enough depth."""
 ADJUSTMENT = AdjustmentOptions(settled=1e-5)
 """When the cameras that are compared fit well enough."""
 WEAK = 0.18
-"""Share of the range of depths; where the solve knows a depth no better, its report says so. Pans with
-1 % of the width as parallax have 0.21 to 0.47, handheld clips up to 0.16 (`make bench-solve`)."""
+"""Relative uncertainty of depth, over its range, from which the report warns. Pans with 1 % of the width as
+parallax have 0.21 to 0.47, handheld clips up to 0.16 (`make bench-solve`)."""
 
 
 @dataclass(frozen=True)
 class DepthEvidence:
-    """How much depth a clip shows. Lengths are in pixels of a 1,000-pixel frame, of the `TELLING` percentile
-    of the tracks."""
+    """How much depth a clip shows.
+
+    Lengths are in pixels of a 1,000-pixel frame, of the `TELLING` percentile of the tracks.
+    """
 
     parallax: float
-    """What a camera that turns leaves beyond one that moves, both with a lens that zooms and distorts, and
-    with rows that are read one after the other."""
+    """Residual of a turning camera beyond that of a moving one, both with a lens that zooms and distorts, and
+    a rolling shutter."""
     noise: float
-    """What the one that moves leaves."""
+    """Residual of the moving camera."""
     misfit: float
-    """What the solve's pinhole leaves."""
+    """Residual of the solve's pinhole."""
     gain: float
     """By how much the geometric robust information criterion of the camera that turns is above that of the
     one that moves, per observation; negative where turning is the better explanation, and depth is not
@@ -61,7 +63,7 @@ class DepthEvidence:
 
     @property
     def uncertainty(self) -> float:
-        """What the solve's pinhole takes for depth, as a share of the range of depths."""
+        """Error of the solve's depths from its pinhole, as a share of the range of depths."""
         return float(np.sqrt(max(self.misfit**2 - self.noise**2, 0.0))) / max(self.parallax, 1e-9)
 
 
@@ -85,16 +87,16 @@ def depth_evidence(made: Solution) -> DepthEvidence | None:
     found = _compared((turning, moving.bundle, bundle), span, long_side)
     if found.gain > 0:
         return found
-    # What a lens does may be taken for depth in the solve, from which no way leads to the best camera.
+    # The solve may hold distortion for depth, and does not converge from there to the best camera.
     other = adjusted(general_motion(span, turning).bundle)
     best = min(moving, other, key=lambda each: each.cost)
     return _compared((turning, best.bundle, bundle), span, long_side)
 
 
 def _compared(cameras: tuple[Bundle, Bundle, Bundle], span: LongTracks, long_side: int) -> DepthEvidence:
-    """Of what the one that turns, the one that moves and the solve leave of the same tracks.
+    """Evidence from the residuals of the turning camera, the moving one and the solve, for the same tracks.
 
-    `long_side` is the picture's, in pixels, and stands for what is behind a camera.
+    `long_side` is the picture's, in pixels, and is the residual behind a camera.
     """
     seen, tracks = span.seen, len(span.tracks)
     errors = [np.nan_to_num(np.linalg.norm(each.residuals(seen), axis=1), nan=long_side) for each in cameras]

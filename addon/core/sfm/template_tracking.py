@@ -1,9 +1,9 @@
-"""What tracked points look like, so that a track does not creep away from where it began.
+"""The appearance of tracked points, which keeps a track from drifting.
 
-Flow from frame to frame adds up its small errors. Here the patch around a point is kept from the frame where
-its track began and found again in every later one under an affine map; what is seen there may also turn out
-to be something else. Shi and Tomasi, "Good features to track", 1994; Baker and Matthews, "Lucas-Kanade 20
-years on", 2004 (the inverse compositional way: all derivatives are the old patch's).
+Flow from frame to frame adds up its small errors. The patch around a point is kept from the track's first
+frame and found again in every later one under an affine map; a different appearance ends the track. Shi and
+Tomasi, "Good features to track", 1994; Baker and Matthews, "Lucas-Kanade 20 years on", 2004 (the inverse
+compositional algorithm: all derivatives are the old patch's).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..base.arrays import Floats, Map, Mask
 RADIUS = 6
 """Pixels from a patch's middle to its border."""
 STIFFNESS = 0.3
-"""Resistance of the affine map, in shares of what the patch says about its place. Chosen by inspection."""
+"""Stiffness of the affine map, relative to the patch's evidence about its place. Chosen by inspection."""
 BLOCK = 1 << 14
 """Patches that are sampled at once: OpenCV takes no picture with more rows than 15 bits count."""
 
@@ -41,7 +41,7 @@ WEIGHT = (WEIGHT / WEIGHT.sum()).astype(np.float32)
 ITERATIONS = 2
 """Gauss-Newton steps towards the best fit; they start from the fit of the frame before."""
 MAX_UNLIKE = 0.3
-"""One minus the correlation with what a patch was, from which on it is something else."""
+"""One minus the correlation with the first patch from which a point is something else."""
 NOISE = 2.0
 """Multiple of the median unexplained variance that is put down to noise: weak patches have more of it."""
 MAX_UNLIKE_WITH_NOISE = 0.7
@@ -112,7 +112,7 @@ class Patches(Rows):
         )
         slope /= spread[:, None, None]
         both = (slope[:, :, None] * BASIS).reshape(len(rows), 6, -1)
-        # What a change of brightness or contrast explains says nothing of the place.
+        # Changes of brightness and contrast are no evidence about the place.
         both -= (both @ WEIGHT)[..., None]
         both -= (both * patch[:, None] @ WEIGHT)[..., None] * patch[:, None]
         normal = ((both * WEIGHT) @ both.swapaxes(1, 2)).astype(np.float64)

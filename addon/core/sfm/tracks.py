@@ -38,7 +38,7 @@ size."""
 LONG_SIDE = 960
 """Pixels of the longer side; larger frames are shrunk for tracking."""
 SHORT_SIDE = 16
-"""Pixels of the other side, at least, once shrunk: less has no room for features and what is around."""
+"""Least pixels of the shorter side, once reduced: features need room."""
 MIN_CORRELATION = 0.35
 """Correlation of a frame with the one before, shifted to fit, below which it shows something else."""
 THUMBNAIL = 64
@@ -123,7 +123,11 @@ def track_features(
 
 
 def check_shape(footage: Footage) -> None:
-    """UserError for a clip whose pictures are too small or too long for features that tell a camera."""
+    """Check the shape of a clip's pictures.
+
+    Raises:
+        UserError: They are too small or too long for features.
+    """
     width, height = footage.width, footage.height
     long_side, short_side = LONG_SIDE, SHORT_SIDE
     if min(width, height) * min(1.0, long_side / max(width, height)) < short_side:
@@ -139,7 +143,16 @@ def run(
     progress: Progress = lambda *_: None,
     watch: Watch = lambda *_: None,
 ) -> Tracks:
-    """What a tracker makes of a clip; frames are shrunk to `LONG_SIDE`, places are the source's."""
+    """Run a tracker on a clip.
+
+    Frames are reduced to `LONG_SIDE`; places are the source's.
+
+    Args:
+        tracker: The tracker.
+        footage: The clip.
+        progress: Called with the stage, done and all frames.
+        watch: Called with each frame's picture and features.
+    """
     zoom = min(1.0, LONG_SIDE / max(footage.width, footage.height))
     numbers: list[NDArray[np.int64]] = []
     places: list[NDArray[np.float32]] = []

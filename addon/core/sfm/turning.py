@@ -1,6 +1,6 @@
-"""A camera that stays in its place: how it turns, and its focal length. Depth must come from elsewhere.
+"""A camera that stays in its place: its turns, and its focal length.
 
-Points lie at one distance from it until they are given another; what parallax a hand leaves is an error.
+Depth must come from elsewhere. Points lie at one distance until then; parallax from the hand is an error.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ KEYS = 60
 IN_FRAME = 40
 """Tracks that are adjusted with each of them, the longest that it sees."""
 MIN_VIEWS = 3
-"""Of these frames that must see such a track."""
+"""Least number of these frames that see such a track."""
 STILL = 3.0
 """Times the median error of tracks from which on one moves by itself."""
 LEAST_TURN = 3.0
-"""Degrees of turning with less of which it tells nothing of the focal length."""
+"""Degrees of turning below which the focal length is undetermined."""
 BOUNDS = (0.4, 2.5)
-"""Focal lengths, in long sides of the frame, beyond which what turning tells of them is not believed."""
+"""Bounds of a focal length from turning, in long sides of the frame."""
 LOSS = 1.0
 """Pixels of a 1,000-pixel frame from which on a reprojection error loses weight (Huber)."""
 ROUNDS = 3
@@ -39,14 +39,14 @@ ROUNDS = 3
 
 @dataclass(frozen=True)
 class Turned:
-    """What became of a clip."""
+    """The result for a clip."""
 
     solution: Solution
     """Without translation, points at `MEDIAN_DEPTH`."""
     focal_sigma: float
     """Relative standard deviation of the focal length, what was known before included."""
     focal_from_clip: bool
-    """The clip says more of the focal length than was known before."""
+    """True if the clip determines the focal length better than the prior."""
 
 
 def turned(
@@ -55,14 +55,23 @@ def turned(
     known: float,
     progress: Progress,
 ) -> Turned:
-    """How the camera of a clip turns, from a focal length in pixels that is known up to a relative standard
-    deviation, 0 to hold it. UserError where too little is seen to tell."""
+    """Return the turns of a clip's camera.
+
+    Args:
+        tracks: Those of the clip.
+        focal: Prior of the focal length in pixels.
+        known: Its relative standard deviation, 0 to hold it.
+        progress: Called with the stage, done and all steps.
+
+    Raises:
+        UserError: Too few tracks.
+    """
     progress("Finding how the camera turns", 0, 2)
     last = len(tracks.frames) - 1
     keys = np.unique(np.linspace(0, last, min(KEYS, last + 1)).round().astype(np.int32))
     span = _spanning(tracks, keys, _longest(tracks, keys))
     found = rotation_only(span, focal)
-    # What moves by itself would take the focal length along.
+    # Moving objects would bias the focal length.
     error = np.linalg.norm(found.bundle.residuals(span.seen), axis=1)
     still = np.bincount(span.seen.point, error, minlength=len(span.tracks)) / np.bincount(span.seen.point)
     span = _spanning(tracks, keys, span.tracks[still < STILL * np.median(still)])
@@ -102,7 +111,7 @@ def _longest(tracks: Tracks, keys: Ints) -> Ints:
 
 
 def _spanning(tracks: Tracks, keys: Ints, kept: Ints) -> LongTracks:
-    """What some frames `keys` see of tracks `kept`; UserError where these are too few."""
+    """The observations of tracks `kept` in frames `keys`; UserError for too few."""
     least = MIN_POINTS
     if len(kept) < least:
         raise UserError(

@@ -1,10 +1,10 @@
-"""Points that a frame shows and was not tracked in: other frames', projected into this one and checked.
+"""Points visible in a frame in which they were not tracked.
 
-They make a frame's mesh denser (the thesis's figure 5-2). Many of them are hidden there by something nearer,
-which neither the point nor its projection tells. So each must lie at the depth of points around it that the
-frame did observe, and look like what the frame that saw it from nearest by saw of it. And it must be known
-well: points that few frames saw, or that fit them badly, are wrong four times as often as the others
-(`python -m benchmarks.solving.density`).
+Points of other frames are projected into the frame and checked. They make its mesh denser (the thesis's
+figure 5-2). Many of them are occluded, which neither the point nor its projection shows. Each must lie at the
+depth of observed points around it, and look as in the frame that saw it from the nearest place. It must also
+be accurate: points with few or inaccurate observations are wrong four times as often as the others (`python
+-m benchmarks.solving.density`).
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ MIN_HALF_CORRELATION = 0.93
 MAX_CONTRAST_RATIO = 2.0
 """Largest ratio of the contrasts of two patches that look the same, either way."""
 REACH = 60
-"""Frames within which a point must have been observed to be looked for at all. Chosen by inspection."""
+"""Frames within which a point must have been observed. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
 class Visible:
-    """What one frame shows besides the points that it observed."""
+    """Visible points of a frame besides its observed ones."""
 
     points: Ints
     """(k,) rows of `Reconstruction.points`, ascending."""
@@ -76,10 +76,18 @@ def visible_points(
     frames: Iterable[int] | None = None,
     progress: Progress = lambda stage, done, total: None,
 ) -> dict[int, Visible]:
-    """For registered frames (all, or those given) the points that they show besides those they observed.
+    """Find the visible points of registered frames besides their observed ones.
 
-    The clip is read once, in order; what is kept of a frame are small patches around its points.
-    Raises UserError where a frame cannot be read.
+    The clip is read once, in order; small patches around points are kept.
+
+    Args:
+        reconstruction: Solve of the clip.
+        footage: The clip.
+        frames: Frames to search; all without it.
+        progress: Called with the stage, done and all frames.
+
+    Raises:
+        UserError: A frame cannot be read.
     """
     images = reconstruction.images
     wanted = None if frames is None else set(frames)
@@ -103,7 +111,7 @@ class _Waiting:
 
 
 class _Search:
-    """What is known of points and frames as the frames go by."""
+    """The state of the search while frames go by."""
 
     def __init__(self, reconstruction: Reconstruction) -> None:
         self.sights = _Sights(reconstruction)
@@ -114,8 +122,7 @@ class _Search:
         self._counts: dict[int, tuple[int, int]] = {}
 
     def see(self, index: int, gray: Map, zoom: Floats, requested: bool) -> None:
-        """Keep a frame's own patches, look for candidates in it if `requested`, and decide those it
-        decides."""
+        """Keep a frame's patches, and find candidates in it if `requested`; decide earlier ones."""
         image = self._reconstruction.images[index]
         upright = np.tile(np.eye(2), (len(image.points), 1, 1))
         patch = square(RADIUS)
@@ -168,9 +175,9 @@ class _Sights:
         self._centres = np.array([image.centre for image in images])
 
     def candidates(self, index: int) -> tuple[Ints, Ints]:
-        """Points (n,) that project into a frame unobserved, and the frame (n,) that saw them from nearest by.
+        """Return points (n,) that project into a frame unobserved, and the frame (n,) with the nearest view.
 
-        Of the last frame before and the first one after it, that is the one with the smaller angle between.
+        It is the last frame before or the first one after, with the smaller angle.
         """
         reconstruction = self._reconstruction
         image = reconstruction.images[index]

@@ -1,4 +1,4 @@
-"""What a tracker sees, made small enough to be told to who waits for the solve, and read again there."""
+"""Pictures of the tracker's work, small enough to be sent to the process that waits for the solve."""
 
 from __future__ import annotations
 
@@ -17,13 +17,12 @@ from ..media.clip import to_rgb8
 from ..media.picture_file import Pixels
 
 WIDTH, MOST = 480, 500
-"""Pixels across of a picture, and features, that are told: chosen by inspection, enough to follow the
-work."""
+"""Pixels across of a picture, and features in it. Chosen by inspection: enough to follow the work."""
 EVERY = 0.5
-"""Seconds between two that are told. A redraw of a window takes 0.06 to 0.3 s in software OpenGL, from the
-cores that solve."""
+"""Seconds between two pictures. A redraw of a window takes 0.06 to 0.3 s in software OpenGL, on the cores
+that solve."""
 QUALITY = 80
-"""Of the JPEG: chosen by inspection. 20 to 40 KB."""
+"""Quality of the JPEG: 20 to 40 KB. Chosen by inspection."""
 
 
 class Watch:
@@ -43,7 +42,7 @@ class Watch:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What was seen, to be shown."""
+    """A picture and its features."""
 
     picture: Bytes
     """(h, w, 3) sRGB."""
@@ -52,8 +51,10 @@ class Sight:
 
 
 def encoded(picture: Pixels, places: Floats) -> Seen:
-    """A frame (H, W, 3 or 4) as stored with places (n, 2) in it, as fractions of its size; of many of these
-    evenly some."""
+    """Encode a frame (H, W, 3 or 4) as stored, with places (n, 2) in it as fractions of its size.
+
+    Many places are thinned out evenly.
+    """
     height, width = picture.shape[:2]
     size = min(WIDTH, width), max(1, round(min(WIDTH, width) * height / width))
     small = cv2.resize(to_rgb8(picture), size, interpolation=cv2.INTER_AREA)

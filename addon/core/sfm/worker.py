@@ -59,7 +59,7 @@ SHARES = {
 }
 """Which part of the whole each stage is, from the times of the duck and the sample clip."""
 METADATA_SIGMA = 0.1
-"""Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
+"""Relative standard deviation of a focal length from metadata: video is cropped more than photos."""
 POINTS_FOUND = (
     "the cameras are used as they are, and points were tracked for them: the median error is {miss:.2f} px"
 )
@@ -117,7 +117,7 @@ def _solve(job: dict[str, Any]) -> None:
 
 
 def _solve_photos(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Solve photos in no order into the folder; what is to be said of it."""
+    """Solve unordered photos into the folder; returns the report's figures."""
     from .photo_mapping import place_photos
 
     given, first = job["lens"]["focal"], max(footage.width, footage.height)
@@ -153,7 +153,7 @@ def _solve_photos(footage: Footage, job: dict[str, Any], folder: Path) -> dict[s
 
 
 def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Solve a clip into the folder; what is to be said of it."""
+    """Solve a clip into the folder; returns the report's figures."""
     check_shape(footage)
     tracker = job["tracker"]
     tracks = track_features(footage, _progress, tracker, watch=Watch(send))
@@ -192,7 +192,7 @@ def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str
 
 @dataclass(frozen=True)
 class _Found:
-    """Cameras and points of a clip, and what is to be said of them."""
+    """Cameras and points of a clip, and the report's figures."""
 
     reconstruction: Reconstruction
     moving: Ints
@@ -277,7 +277,7 @@ def _held(job: dict[str, Any], tracks: Tracks, folder: Path) -> _Found:
 
 
 def _metadata_focal(footage: Footage) -> float | None:
-    """The focal length in pixels that the files say they were taken with, if it agrees with the pictures."""
+    """The focal length in pixels from the files' metadata, if it agrees with the pictures."""
     width, height = footage.width, footage.height
     if footage.is_video:
         equivalent = equivalent_focal(footage.path)
@@ -286,7 +286,7 @@ def _metadata_focal(footage: Footage) -> float | None:
 
 
 def _photo_focal(file: Path, width: int, height: int) -> float | None:
-    """The focal length in pixels that a photo of this size says it was taken with."""
+    """The focal length in pixels from the metadata of a photo of this size."""
     lens = photo_data(file)
     if lens is None or lens.was_cropped(width, height):
         return None
@@ -294,7 +294,7 @@ def _photo_focal(file: Path, width: int, height: int) -> float | None:
         return lens.focal(width, height)
     import pycolmap
 
-    # It knows the sensors of many cameras by their names, which tell nothing of pixels.
+    # pycolmap knows the sensors of many cameras by name, which do not include the pixel size.
     try:
         camera = pycolmap.infer_camera_from_image(file)
     except (RuntimeError, ValueError):
@@ -309,12 +309,12 @@ def _focal_source(lens: dict[str, Any], metadata_focal: float | bool | None, fro
 
 
 def _end_alone(folder: Path) -> None:
-    """Remove what there is of the solve and end: whoever started us is gone, and nobody wants the result."""
+    """Remove the unfinished solve and end: the parent process is gone."""
     # The solve goes on beside us and may put a file into a folder that is being emptied.
     while folder.exists():
         shutil.rmtree(folder, ignore_errors=True)
     # The lock ends with its owner, its file does not. Our pipe may be closed a moment before the lock is, and
-    # whoever solves there already keeps it.
+    # Another process that solves there already keeps it.
     until = time.monotonic() + PATIENCE
     while time.monotonic() < until:
         with contextlib.suppress(UserError, OSError):

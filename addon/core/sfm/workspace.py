@@ -1,8 +1,8 @@
 """The working folder that keeps a solve.
 
-DIR/solve.json   which clip, which frames, how it was solved, and the report
-DIR/model/       the reconstruction as a COLMAP text model; where we solved it ourselves, also the points that
-                 frames show and did not track, and the tracks of what moves
+DIR/solve.json   the clip, its frames, the options of the solve, and the report
+DIR/model/       the reconstruction as a COLMAP text model; for our own solves also the untracked visible
+                 points of frames, and the tracks of moving objects
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from .staging import Staging, recover
 from .state import MODEL, STATE, UnusableStateError, check_model, is_state_of, read_state, recorded_places
 
 VISIBLE = "visible.npz"
-"""Of the model: frame and point of everything that a frame shows and was not tracked in."""
+"""Frames and points that are visible, but not tracked, beside the model."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Solve:
     reconstruction: Reconstruction
     report: dict[str, Any]
     video: VideoInfo | None = None
-    """What is known of the clip; None where it is no video."""
+    """Properties of the clip; None if it is not a video."""
     is_stills: bool = False
     """As of `Footage`."""
 
@@ -147,9 +147,9 @@ def _clip_of(work_dir: Path, state: dict[str, Any], clip: Path | None) -> Path:
 
 
 def _video_of(footage: Path, kept: VideoInfo | None) -> VideoInfo | None:
-    """What a state says of its video, where the file bears it out: who sends a solve may say anything.
+    """The video of a state, as far as the file agrees with it: a received solve may be forged.
 
-    A frame takes a byte at least, and has the size of the first one. UserError where that cannot be read.
+    A frame has at least a byte, and the size of the first one. UserError if the file cannot be read.
     """
     if kept is None or not footage.is_file() or kept.count > footage.stat().st_size:
         return None
@@ -188,7 +188,7 @@ def _with_visible(model: Path) -> Reconstruction:
 
 
 def recorded_clip(work_dir: Path) -> Path | None:
-    """Where the clip of a working folder lies as seen from there; None where the folder does not say."""
+    """Return the path of the clip in a working folder's state; None without one."""
     try:
         state = read_state(work_dir)
     except UserError:
@@ -197,7 +197,11 @@ def recorded_clip(work_dir: Path) -> Path | None:
 
 
 def is_solved(work_dir: Path, footage: Footage, options: dict[str, Any]) -> bool:
-    """Whether the folder holds this very solve; UserError where it holds something else."""
+    """Return whether the folder holds this very solve.
+
+    Raises:
+        UserError: It holds something else.
+    """
     state = _state_of(work_dir, footage)
     if state is None:
         return False
@@ -210,10 +214,12 @@ class SolveThereError(UserError):
 
 
 def check_replaceable(work_dir: Path, footage: Footage) -> None:
-    """UserError where a solve of the clip may not be put in place of what the folder holds: something else,
-    or another clip's solve.
+    """Check that a solve of the clip may replace the folder's content.
 
-    A solve that is damaged, or whose clip was replaced by this one, may be.
+    A damaged solve may be replaced, and one whose clip was replaced by this one.
+
+    Raises:
+        UserError: The folder holds something else, or another clip's solve.
     """
     try:
         _state_of(work_dir, footage)
@@ -222,8 +228,12 @@ def check_replaceable(work_dir: Path, footage: Footage) -> None:
 
 
 def check_import(work_dir: Path, footage: Footage, again: bool) -> None:
-    """UserError where what another program found may not be put into the folder: as `check_replaceable`, and
-    SolveThereError for any solve of the clip that is not to be replaced `again`."""
+    """Check that another program's cameras may be put into the folder.
+
+    Raises:
+        SolveThereError: There is a solve of the clip, and `again` is false.
+        UserError: As of `check_replaceable`.
+    """
     if not again and _state_of(work_dir, footage) is not None and (work_dir / MODEL).is_dir():
         raise SolveThereError(
             f"{work_dir} already holds a solve of this clip; choose another folder, or replace it",
@@ -270,7 +280,7 @@ class _ClipReplacedError(UserError):
 
 
 def _state_of(work_dir: Path, footage: Footage) -> dict[str, Any] | None:
-    """What the folder says of its solve of the clip; UserError where it holds something else."""
+    """The state of the folder's solve of the clip; UserError if it holds something else."""
     checked_name(work_dir.absolute())
     if not work_dir.exists():
         return None

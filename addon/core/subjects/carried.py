@@ -22,7 +22,7 @@ from .strokes import Stroke
 STROKE = 0.01
 """Width of a stroke, over the long side."""
 MOST_PEOPLE = 4
-"""People who are followed: each costs 0.1 to 0.2 s of processor time a frame."""
+"""People that are followed; each costs 0.1 to 0.2 s of processor time a frame."""
 SAME_PERSON = 0.5
 """Share of a person that a subject covers, from which on they are one."""
 UNSURE = 0.75
@@ -77,7 +77,8 @@ class CarriedSubject:
     carried: Callable[[tuple[Stroke, ...]], CarriedSubject] | None = None
     """Returns the subject of fewer strokes, which may be carried already."""
     corrects: bool = True
-    """Whether strokes correct what those before them have found; else each frame's are cut out anew."""
+    """Whether strokes correct the result of earlier strokes; without, each frame's strokes are cut out
+    anew."""
     _tracks: dict[int, Track] = field(default_factory=dict, repr=False, compare=False)
     _firsts: dict[int, tuple[Cut, bool]] = field(default_factory=dict, repr=False, compare=False)
 
@@ -93,8 +94,11 @@ class CarriedSubject:
         return self.cut(frame).mask
 
     def masks(self, frame: int) -> Iterator[Mask]:
-        """Yield the subject (h, w) in a frame, the last time as `mask`; of a frame with strokes first as its
-        cut is before it is compared with the frames beside it. Errors as of `ClipPictures.picture`."""
+        """Yield the subject (h, w) in a frame; the last one equals `mask`.
+
+        A frame with strokes first yields its cut before the comparison with its neighbours. Errors as of
+        `ClipPictures.picture`.
+        """
         if frame in self.marked_frames and frame not in self._tracks:
             yield self._first(frame)[0].mask
         yield self.mask(frame)
@@ -176,10 +180,10 @@ def neighbours(pictures: ClipPictures, frame: int) -> list[Neighbour]:
 
 @dataclass(frozen=True)
 class PeopleOfClip:
-    """The people of a clip who are its subjects, each followed through all frames.
+    """The people that are subjects of a clip, each followed through all frames.
 
-    People are looked for in a few frames; each who is not yet followed is followed from the frame in which
-    the networks agree most.
+    People are looked for in a few frames. Each new one is followed from the frame in which the networks agree
+    most.
     """
 
     pictures: ClipPictures
@@ -207,7 +211,7 @@ class PeopleOfClip:
         return found
 
     def _first(self, frame: int, person: Person) -> Cut:
-        """A person, with what carries them, in the frame in which they are known."""
+        """The cut of a person in the frame with the best agreement."""
         picture, beside = self.pictures.picture(frame), neighbours(self.pictures, frame)
         share, trust = person.share, 1.0
         if carries(moved_with(person.mask, beside), person.mask):
@@ -220,7 +224,7 @@ class PeopleOfClip:
 
     @staticmethod
     def _is(track: Track, frame: int, person: Person) -> bool:
-        """Whether a person in a frame is one who is followed already."""
+        """Return whether a person in a frame is followed already."""
         return overlap_of(person.mask, track.cut(frame).mask) >= SAME_PERSON
 
     def mask(self, frame: int) -> Mask:

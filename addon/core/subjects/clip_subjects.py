@@ -38,11 +38,11 @@ class ClipSubject:
     name: str
     """For people."""
     key: str
-    """Of what it was found from; part of the names of kept files."""
+    """Digest of its source; part of the names of kept files."""
     cut: Callable[[int], Cut]
     """The subject in a frame, carried there."""
     store: DepthStore | None = None
-    """Where its mattes are kept."""
+    """Storage of its mattes."""
 
     def share(self, frame: int) -> Bytes:
         """Return its probability (h, w) in 255ths over a source frame."""
@@ -80,7 +80,7 @@ class ClipSubjects:
     read: Callable[[int], Pixels]
     """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
     store: DepthStore | None = None
-    """Where subjects are kept."""
+    """Storage of subjects."""
     networks: Networks = field(default_factory=Networks)
     _carried: OrderedDict[str, CarriedSubject] = field(default_factory=OrderedDict, repr=False, compare=False)
 
@@ -103,8 +103,7 @@ class ClipSubjects:
         return self.carried(MarkedSubject("", strokes))
 
     def prepare(self, frame: int) -> None:
-        """Read and load ahead what the cut of a subject in a frame needs; errors as of
-        `ClipPictures.picture`."""
+        """Read and load the inputs of a cut in a frame ahead of time. Errors as of `ClipPictures.picture`."""
         neighbours(self.pictures, frame)
         self.networks.load()
 
@@ -114,13 +113,15 @@ class ClipSubjects:
 
     @property
     def knows_people(self) -> bool:
-        """Whether `people` need not be looked for."""
+        """Return whether `people` is known without a search."""
         return "people" in self.__dict__ or (self.store is not None and self.store.is_kept(PEOPLE))
 
     @cached_property
     def people(self) -> list[ClipSubject]:
-        """Each of the people who are the clip's subjects; none without networks, and in photos, whose order
-        is not known."""
+        """The people that are subjects of the clip.
+
+        There are none without networks, and in photos, whose order is not known.
+        """
         if not self.reconstruction.is_ordered or not self.networks.exist:
             return []
         tracks = self._kept_people()
@@ -161,8 +162,10 @@ class ClipSubjects:
 
     @cached_property
     def objects(self) -> list[ClipSubject]:
-        """Each of the other moving objects; none in photos, before a camera that stays, and in clips in which
-        nothing moves for sure."""
+        """The other moving objects of the clip.
+
+        There are none in photos, with a camera that stays in its place, and in clips without certain motion.
+        """
         if self.reconstruction.stays:
             return []
         kept = self._kept_objects()

@@ -56,7 +56,7 @@ LOST = 0.15
 """Share of the area that a subject had, with less of which it is hidden or has left the picture: the rest
 would be carried as if it were the whole."""
 WHOLE = 0.8
-"""Share of that area from which on it is seen whole."""
+"""Share of this area from which a subject counts as whole."""
 LIKE = 0.5
 """Mean log-odds of the colours of a part of a subject, of which the rest is hidden; colours of neither have
 0."""
@@ -75,7 +75,7 @@ TRUST_LEARNED = 0.2
 
 @dataclass(frozen=True)
 class Cut:
-    """A subject in one frame, and what is known of it from the frames before."""
+    """A subject in one frame, and its model learned from the frames before."""
 
     share: Map
     """(h, w) float32 probability."""
@@ -104,7 +104,7 @@ class Cut:
 
     @property
     def is_seen(self) -> bool:
-        """Whether enough of it is in the picture."""
+        """Return whether enough of the subject is in the picture."""
         return bool(np.count_nonzero(self.mask) >= LEAST)
 
 
@@ -206,7 +206,7 @@ def next_cut(
     found = replace(found, sure=overlap(share > 0.5, there))
     if found.area < WHOLE * area:
         if before.colours.odds(picture, COLOUR[0])[found.mask].mean() < LIKE:
-            # Flow sticks to the rim of what hides it.
+            # Flow sticks to the rim of an occluder.
             return before.gone()
         return replace(found, colours=before.colours, area=area)
     return replace(
@@ -238,8 +238,7 @@ def _solved(
 
 
 def _recognised_first(networks: Networks, picture: Bytes, expected: Mask, marked: Mask) -> tuple[Map, float]:
-    """(h, w) log-odds of the networks around a mask (h, w), and in [0, 1] how far they recognise the pixels
-    under a stroke (h, w)."""
+    """Log-odds (h, w) of the networks around a mask, and their certainty in [0, 1] under a stroke (h, w)."""
     box, long_side = Box.around(expected, 1.5), max(expected.shape)
     extent = Box.around(expected)
     boxes = [box]
@@ -254,9 +253,11 @@ def _recognised_first(networks: Networks, picture: Bytes, expected: Mask, marked
 
 
 def _recognised_from(networks: Networks, picture: Bytes, expected: Mask, box: Box) -> tuple[Map, float]:
-    """(h, w) log-odds of the networks, whose crop goes from a box to the figure they find around a mask
-    (h, w), and in [0, 1] how far they find the same figure in the last two crops: in mere texture they do
-    not."""
+    """Log-odds (h, w) of the networks, and in [0, 1] how stable they are.
+
+    The crop goes from a box to the figure that the networks find around a mask (h, w). They are stable where
+    the last two crops give the same figure; in texture without a figure they do not.
+    """
     part = expected
     for _ in range(4):
         before = part

@@ -42,8 +42,13 @@ class ClipFlow:
     )
 
     def step(self, frame: int, way: int) -> Map:
-        """(h, w, 2) pixels from each pixel of a frame to its place in the frame after (`way` 1) or before it
-        (-1), by dense inverse search (Kroeger et al., "Fast optical flow using dense inverse search", 2016).
+        """Return the motion (h, w, 2), in pixels, of a frame's pixels to the frame after or before it.
+
+        Dense inverse search (Kroeger et al., "Fast optical flow using dense inverse search", 2016).
+
+        Args:
+            frame: Number of the frame.
+            way: 1 for the frame after it, -1 for the one before.
         """
         at = self.frames.index(frame)
         other = self.frames[at + way]
@@ -58,8 +63,14 @@ class ClipFlow:
         return self._flows.get(key, found)
 
     def there(self, frame: int, way: int) -> tuple[Map, Map]:
-        """(h, w, 2) the place in the next frame that way of every pixel, and (h, w) in [0, 1] how far flow
-        back from there returns to it."""
+        """Return the places (h, w, 2) of a frame's pixels in the next frame, and their certainty (h, w).
+
+        Certainty in [0, 1] is high where the flow back from there returns to the pixel.
+
+        Args:
+            frame: Number of the frame.
+            way: As in `step`.
+        """
         key = 2 * self.frames.index(frame) + (way > 0)
         return self._places.get(key, lambda: self._there(frame, way))
 

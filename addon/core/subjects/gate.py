@@ -41,8 +41,8 @@ ROUND_TRIP = 0.5
 RESIDUAL = 1 / 240
 """Root mean square residual above which a track contradicts a still scene, as a share of the long side."""
 AROUND = 0.06
-"""Distance within which tracks are neighbours, as a share of the long side. With 0.09 a person who walks in a
-street at night has no tracks of moving objects."""
+"""Distance within which tracks are neighbours, as a share of the long side. With 0.09 a person on a street at
+night has no tracks of moving objects."""
 AGREEING = 0.75
 """Least share of a track's neighbours, itself included, that contradict a still scene on a moving object.
 Without it a still garden has 32 such tracks, with it none."""
@@ -124,7 +124,7 @@ def moves(tracks: Sequence[MovingTracks]) -> bool:
 def _small(
     reconstruction: Reconstruction, image: Image, read: Callable[[int], Pixels]
 ) -> tuple[Bytes, Intrinsics]:
-    """Read a frame as grey levels (h, w), reduced and still distorted, with the camera of that size."""
+    """A reduced, still distorted frame in grey levels (h, w), with the camera of this size."""
     checkpoint()
     camera = reconstruction.intrinsics(image)
     zoom = min(1.0, LONG_SIDE / max(camera.width, camera.height))

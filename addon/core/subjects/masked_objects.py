@@ -86,8 +86,7 @@ class MaskedObjects:
 
 
 def _continued(parts: Ints, before: Bytes, count: int) -> Bytes:
-    """Numbers (h, w) of connected parts (h, w): those of the objects (h, w) that they overlap most, or new
-    ones after `count`."""
+    """Numbers (h, w) of parts (h, w): of the objects that they overlap most, or new ones after `count`."""
     labels = np.zeros(parts.shape, np.uint8)
     areas = np.bincount(parts.ravel())
     old = np.bincount(before.ravel(), minlength=MOST + 1)

@@ -99,7 +99,7 @@ class Networks:
 
     @property
     def exist(self) -> bool:
-        """Whether the extension was built with them."""
+        """Return whether the extension was built with the networks."""
         return (self._folder / POSE).is_file()
 
     def load(self) -> None:
@@ -156,7 +156,7 @@ class Networks:
 
         Args:
             picture: (h, w, 3) uint8 RGB, display-encoded.
-            region: Where the person is.
+            region: Area of the person.
 
         Returns:
             (h, w) float32 probability, 0 outside of the region, and the probability that a person is there.

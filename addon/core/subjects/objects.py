@@ -35,7 +35,7 @@ class ObjectsOfClip:
     carried: Callable[[tuple[Stroke, ...]], CarriedSubject]
     """Returns the subject that strokes mark."""
     people: Callable[[int], Mask]
-    """(h, w) the people in a frame, who are no objects."""
+    """Returns the people (h, w) in a frame, which are not objects."""
 
     def subjects(self) -> list[CarriedSubject]:
         """Return each object; none where the clip has no moving objects for sure."""

@@ -20,10 +20,10 @@ from .networks import Networks, Region, log_odds
 OUTSIDE = -4.0
 """Log-odds of a network outside of the crop that it saw: those of a probability of 0.02."""
 CROP = 1.35
-"""Side of that crop over the subject's."""
+"""Side of the networks' crop, relative to the subject's."""
 MISSED = 0.02
-"""Share of a subject. A part as large as this that the networks miss is given to them again, in a crop of
-its own."""
+"""Share of a subject. A missed part of at least this size is given to the networks again, in a crop around
+it."""
 BODY_OVERLAP = 0.5
 """Intersection over union from which on a person that is detected is the subject."""
 PRESENCE = 0.5
@@ -51,8 +51,13 @@ class Box:
 
     @classmethod
     def square(cls, middle: Sequence[float] | Floats, side: float, shape: Sequence[int]) -> Box:
-        """Return the square of a side, pixels, around a row and a column, moved into a picture of a shape
-        (h, w, ...)."""
+        """Return a square around a row and a column, moved into a picture.
+
+        Args:
+            middle: Row and column of the centre, in pixels.
+            side: In pixels.
+            shape: (h, w, ...) of the picture.
+        """
         height, width = shape[:2]
         across, down = min(side, width), min(side, height)
         left = float(np.clip(middle[1] - across / 2, 0, width - across))
@@ -71,8 +76,10 @@ class Box:
 
 
 def silhouette(networks: Networks, picture: Bytes, box: Box) -> Map:
-    """Return the log-odds (h, w) of two networks that segment the largest figure in a box; 0 there without
-    them."""
+    """Return the log-odds (h, w) of the largest figure in a box, by two segmentation networks.
+
+    They are 0 without networks.
+    """
     found = np.full(picture.shape[:2], OUTSIDE, np.float32)
     part = np.ascontiguousarray(picture[box.part])
     found[box.part] = networks.silhouette(part) if networks.exist else 0
@@ -85,8 +92,8 @@ def body(networks: Networks, picture: Bytes, box: Box, there: Mask, least: float
     Args:
         networks: The networks.
         picture: (h, w, 3) uint8 RGB.
-        box: Where people are looked for.
-        there: (h, w) where the subject is expected.
+        box: Area of the search for people.
+        there: (h, w) expected subject.
         least: Intersection over union of the person with that, from which on it is the subject.
 
     Returns:

@@ -1,4 +1,4 @@
-"""People who are a clip's subjects, found without the user."""
+"""Automatic detection of the people in a clip."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ there was none; a wooden mannequin was taken for a person."""
 SAMPLED = 6
 """Frames of a clip in which people are looked for."""
 SEEN_IN = 2
-"""Of those, that must show a person."""
+"""Sampled frames that must show a person."""
 SMALLEST = 0.002
 """Share of the picture of the smallest person that is a subject."""
 

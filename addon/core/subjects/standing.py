@@ -1,4 +1,4 @@
-"""Where the subjects of a clip stand on the ground."""
+"""Distances of a clip's subjects by their contact with the ground."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from .static_depth import StaticDepth
 GROWN = 7
 """Pixels across the dilation of moving pixels, whose outline is no static scene."""
 STILL = 0.2
-"""Density of feature points within a subject, over that around it, from which on the subject stands still: of
-people and animals in 13 clips, moving ones have at most 0.05, a man who waits 0.37 and a sitting cat 0.68."""
+"""Density of feature points on a subject, relative to its surroundings, from which the subject stands still.
+In 13 clips moving people and animals have at most 0.05, a waiting man 0.37 and a sitting cat 0.68."""
 INSET, AROUND = 5, 61
 """Pixels across the erosion of a subject whose feature points count, and across the dilation that gives its
 surroundings."""
@@ -27,7 +27,7 @@ LEAST_POINTS = 8
 FEET = 0.1
 """Share of a subject's height, at its lower end, beneath which the ground is at its distance."""
 BELOW = 4
-"""Pixels of that ground."""
+"""Pixels of ground beneath a subject."""
 
 
 @dataclass(frozen=True)
@@ -45,17 +45,17 @@ class Standing:
     def inverse_depths(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """Estimate the median inverse depth of a subject.
 
-        A subject that stands still has feature points of its own. Another one stands upright where it touches
-        the ground; a frame in which the ground around it is no plane takes that of the frame nearest in time.
+        A subject that stands still has feature points. Another one stands upright where it touches the
+        ground; a frame in which the ground around it is not a plane takes the plane of the nearest frame.
         Where no frame has such a plane, the subject is as far as the static scene beneath its feet. Frames
         that place it behind the background it hides are left out, unless all frames do.
 
         Args:
-            subject: Its pixels (h, w) in a source frame, at any size.
+            subject: Returns its pixels (h, w) in a source frame, at any size.
             frames: Numbers of registered frames.
 
         Returns:
-            In 1 / scene units, by frame; without those in which no contact is seen.
+            Inverse depth in 1 / scene units by frame; frames without contact are left out.
         """
         if points := self._by_points(subject, frames):
             return points
@@ -110,8 +110,7 @@ class Standing:
         return found if densities and np.median(densities) >= STILL else {}
 
     def _beneath(self, frame: int, mask: Mask, static: Map) -> float | None:
-        """The median inverse depth of the static scene just below a subject (h, w); None where the picture
-        cuts it off."""
+        """The median inverse depth of the static scene just below a subject (h, w); None if it is cut off."""
         rows = np.flatnonzero(mask.any(axis=1))
         top = rows[-1] - int(FEET * len(rows))
         below = np.zeros_like(mask)

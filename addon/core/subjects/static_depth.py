@@ -24,7 +24,7 @@ from ..depth.view_selection import stride
 from ..media.picture_file import Pixels
 
 LONG_SIDE = 480
-"""Pixels of the longer side of what is returned."""
+"""Pixels of the longer side of the returned depth."""
 STEP, LEAST_FRAMES = 8, 12
 """Registered frames from one source frame to the next, and source frames of a short clip, even if that needs
 a smaller step."""
@@ -44,7 +44,7 @@ class StaticDepth:
     masks: Moving | None = None
     """Known moving pixels, (h, w) of a source frame at any size."""
     store: DepthStore | None = None
-    """Where the depth of source frames is kept."""
+    """Storage of the source frames' depth."""
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels."""
     _depths: LRUCache[DenseDepth] = field(
@@ -64,7 +64,7 @@ class StaticDepth:
         return self._shown.canvas(frame)
 
     def on_canvas(self, image: Image, mask: Map | Mask | None) -> Mask:
-        """Return where (h, w) of that picture a mask over the source frame, at any size, shows anything."""
+        """Return a mask over the source frame, of any size, on that picture (h, w)."""
         return self._shown.on_canvas(image, mask)
 
     def inverse_depth(self, frame: int, moving: Callable[[int], Mask]) -> Map:

@@ -14,15 +14,15 @@ SIDE = 160
 """Pixels of the longer side that masks are compared at: an outline that is a pixel off counts little."""
 
 LIKENESS, GROWTH = 0.35, 0.7
-"""Intersection over union, and ratio of areas, below which two frames show no one subject. Of the
-benchmark's scenes someone who is found in all frames, with an IoU of 0.89 at least, and two who cross have
-0.37 and 0.82 in their worst frames; someone who is lost in most of them is below in 17 of 59."""
+"""Intersection over union, and ratio of areas, below which two frames do not show one subject. In the
+benchmark's scenes a subject found in all frames has an IoU of at least 0.89, and two that cross have 0.37 and
+0.82 in their worst frames. A subject that is lost in most frames is below in 17 of 59."""
 SMALLEST = 0.002
 """Share of the picture that is too small to be a subject. By eye."""
 
 
 def jumps(masks: Iterable[Mask]) -> list[int]:
-    """The numbers, from 1 on, of masks (h, w) of what moves that are unlike the ones before them."""
+    """Return the numbers, from 1 on, of masks (h, w) that differ too much from the one before them."""
     return [number for number, pair in enumerate(itertools.pairwise(masks), 1) if _is_jump(*pair)]
 
 
@@ -32,8 +32,10 @@ def _is_jump(before: Mask, after: Mask) -> bool:
 
 
 def likeness(before: Mask, after: Mask) -> float:
-    """Intersection over union, in [0, 1], of what moves in two frames (h, w) that follow each other, with the
-    first moved to where the second is; 1 where there is nothing in either."""
+    """Return the intersection over union of moving pixels in two neighbouring frames, in [0, 1].
+
+    The first mask (h, w) is moved onto the second one (h, w). Two empty masks have 1.
+    """
     one, other = (_small(mask) for mask in (before, after))
     if not one.any() or not other.any():
         return float(one.any() == other.any())

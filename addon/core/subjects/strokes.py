@@ -28,12 +28,16 @@ class Stroke:
     places: tuple[tuple[float, float], ...]
     """Corners of the line, fractions of the picture, (0, 0) top left; a single one is a click."""
     adds: bool = True
-    """Whether what is under it belongs to the subject."""
+    """True if the pixels under the stroke belong to the subject."""
 
 
 def places_of(words: Sequence[str]) -> tuple[tuple[float, float], ...]:
-    """Corners of a stroke from words such as "0.44,0.26"; ValueError for anything else, UserError for a place
-    that is outside of the picture."""
+    """Return the corners of a stroke from words such as "0.44,0.26".
+
+    Raises:
+        ValueError: A word is not a pair of numbers.
+        UserError: A place is outside of the picture.
+    """
     return tuple(map(_place, words))
 
 
@@ -92,8 +96,10 @@ def nearest_to(stroke: Stroke, masks: Mapping[str, Mask]) -> str | None:
 
 
 def with_stroke(strokes: Sequence[Stroke], stroke: Stroke, extend: bool = False) -> tuple[Stroke, ...]:
-    """Strokes with one more. One that adds takes the place of those in its frame, unless it is to `extend`
-    them."""
+    """Strokes with one more.
+
+    One that adds takes the place of those in its frame, unless it is to `extend` them.
+    """
     anew = stroke.adds and not extend
     return (*(each for each in strokes if not (anew and each.frame == stroke.frame)), stroke)
 
@@ -107,5 +113,5 @@ class MarkedSubject:
 
     @property
     def key(self) -> str:
-        """16 hexadecimal digits that tell strokes from others, whatever the subject's name."""
+        """16 hexadecimal digits that identify the strokes, whatever the subject's name."""
         return hashlib.sha256(repr(self.strokes).encode()).hexdigest()[:16]

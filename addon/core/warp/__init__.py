@@ -1,1 +1,1 @@
-"""Warp meshes: a frame as textured triangles with inverse depth, and what its silhouettes hide."""
+"""Warp meshes: a frame as textured triangles with inverse depth, and its hidden surfaces."""

@@ -1,4 +1,4 @@
-"""What a frame shows around a place at about the same depth, and how far other frames see it, too."""
+"""Colours of a frame around a place at about the same depth, and how often other frames see them."""
 
 from __future__ import annotations
 
@@ -47,8 +47,14 @@ class BilateralGrid:
 
     @classmethod
     def of(cls, places: Places, root: Map, seen: Map, alike: Map) -> BilateralGrid:
-        """Of places, at least one, with the square roots (3, n) of their linear colours, which other frames
-        saw so many times (n,), and alike so many times (n,)."""
+        """Make a grid of places, at least one.
+
+        Args:
+            places: The places.
+            root: (3, n) square roots of their linear colours.
+            seen: (n,) number of frames that see them.
+            alike: (n,) number of frames that see them alike.
+        """
         first, last = float(places.inverse.min()), float(places.inverse.max())
         size = np.array([places.x.max(), places.y.max()], np.float64)
         cell = float(max(size)) / CELLS
@@ -72,8 +78,15 @@ class BilateralGrid:
         return np.asarray(self.share.ravel()[cells])
 
     def shows(self, places: Places, cells: Indices, root: Map) -> Mask:
-        """(n,) whether square roots (3, n) of linear colours are among those around places in cells (n,), or
-        brighter, as highlights are; also where there are none or the frame ends."""
+        """Return whether colours (n,) are among those around their places, or brighter.
+
+        Highlights are brighter. It is true in empty cells, and past the frame.
+
+        Args:
+            places: The places.
+            cells: Their cells.
+            root: (3, n) square roots of linear colours.
+        """
         low, high = (bound.reshape(3, -1)[:, cells] for bound in (self.low, self.high))
         inside = (places.x >= 0) & (places.x <= self.size[0]) & (places.y >= 0) & (places.y <= self.size[1])
         inside &= np.isfinite(low[0])
@@ -83,8 +96,10 @@ class BilateralGrid:
 
 
 def _cells(places: Places, grid: tuple[float, float, float], shape: tuple[int, ...]) -> Indices:
-    """(n,) indices in the raveled grid of the cells of places, by the first inverse depth, its step and the
-    pixels of a cell; those outside are in the nearest cell."""
+    """(n,) indices of places' cells in the raveled grid; places outside are in the nearest cell.
+
+    The grid has a first inverse depth, its step, and the pixels of a cell.
+    """
     first, step, cell = grid
     index = ((places.inverse - first) / step + 0.5, places.y / cell, places.x / cell)
     depth, row, column = (

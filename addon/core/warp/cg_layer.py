@@ -17,29 +17,32 @@ from .mesh import WarpMesh
 FAINT = 1e-3
 """Alpha up to which a pixel counts as empty: a quarter of an 8-bit step."""
 SOLID = 0.5
-"""Alpha from which on a pixel's depth is that of what is seen in it."""
+"""Alpha from which a pixel has the depth of the visible surface."""
 STEP = 2
-"""Pixels from a vertex of the mesh to the next. Chosen by inspection: what is round stays round."""
+"""Pixels between vertices of the mesh. Chosen by inspection: round things stay round."""
 
 
 @dataclass(frozen=True)
 class CGLayer:
-    """What the frame's camera sees of CG objects, with nothing of the clip before them."""
+    """CG objects as the frame's camera sees them, without occlusion by the clip."""
 
     picture: LinearRGBA
     """(h, w, 4) linear, premultiplied."""
     inverse_depth: Map
-    """(h, w) 1 / z in the frame's camera, in the reconstruction's unit; past silhouettes that of what is
-    nearest beside."""
+    """(h, w) 1 / z in the frame's camera, in the reconstruction's unit; past silhouettes that of the nearest
+    surface beside."""
     corner: tuple[int, int]
     """Column and row of the canvas's pixel that is the first one here; negative before the canvas."""
 
     @classmethod
     def of(cls, picture: LinearRGBA, inverse_depth: Map, margin: int, typical: float) -> CGLayer | None:
-        """What is in a picture (H, W, 4) of the canvas and `margin` pixels around it; None where nothing is.
+        """Return the layer of a picture (H, W, 4) of the canvas and a margin; None if it is empty.
 
-        Inverse depth (H, W) is 0 where the camera sees no surface. Where no pixel has any, as of smoke, the
-        layer lies at the inverse depth `typical`.
+        Args:
+            picture: (H, W, 4).
+            inverse_depth: (H, W), 0 where the camera sees no surface.
+            margin: Pixels around the canvas.
+            typical: Inverse depth of a layer without any surface, such as smoke.
         """
         covered = picture[..., 3] > FAINT
         if not covered.any():
@@ -105,13 +108,20 @@ class CGLayer:
         )
 
     def largest_disc(self, lens: ThinLens) -> float:
-        """Diameter in pixels that 99 % of the blur discs of what is covered are below."""
+        """Return the diameter in pixels that 99 % of the blur discs of covered pixels are below."""
         untilted = np.asarray(lens.untilted(self.inverse_depth, self.places()), np.float64)
         return lens.largest_disc(untilted[self.picture[..., 3] > FAINT])
 
     def surface(self, lens: ThinLens, views: int, spread: float) -> tuple[WarpMesh, LinearRGBA]:
-        """The mesh and its texture (h, w, 4), prefiltered for so many views of an aperture whose open part is
-        `spread` of its radius; texture and mesh reach past the picture as far as that blurs it."""
+        """Return the mesh and its texture (h, w, 4), prefiltered for views.
+
+        Texture and mesh reach past the picture as far as the filter does.
+
+        Args:
+            lens: The thin lens.
+            views: Number of views.
+            spread: Open part of the aperture, in shares of its radius.
+        """
         widest = spread * float(lens.footprint(self.displacement(lens), views).max())
         wide = self._padded(int(np.ceil(widest)) + 2)
         away = wide.displacement(lens)

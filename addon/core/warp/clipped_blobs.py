@@ -1,5 +1,6 @@
-"""The small clipped things of a picture, which may be light sources, glints or specular edges, and what is
-around each: what the model of `highlights` is compared with.
+"""The small clipped blobs of a picture and their surroundings, to which `highlights` fits its model.
+
+They may be light sources, glints or specular edges.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from ..base.progress import checkpoint
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Shares of channels in the luma of BT.709, which clips are coded by: colours have half of its resolution."""
 NEAR = 1.5
-"""Pixels, standard deviation, within which what is around a blob tells what is behind it. Chosen by
+"""Standard deviation in pixels of the weights of the surroundings that give a blob's background. Chosen by
 inspection."""
 PAD = 5
 """Pixels around a blob in which its surroundings are looked at."""
@@ -32,31 +33,31 @@ larger one than is true makes lamps too bright."""
 SPREADS = (0.38, 1.5)
 """Least and largest one that is believed."""
 THICKNESS = (0.02, 0.04)
-"""Of the long side: up to the first, a blob's thickness is a light source's; from the second on it is a sky,
-a wall or a window. Chosen by inspection."""
+"""Shares of the long side: a blob's thickness up to the first is a light source's, from the second a sky,
+wall or window. Chosen by inspection."""
 LENGTH = (0.1, 0.2)
-"""Of the long side: as `THICKNESS`, of a blob's length. Chosen by inspection."""
+"""Shares of the long side for a blob's length, like `THICKNESS`. Chosen by inspection."""
 AMONG = (0.0, 0.25)
 """Share of large clipped areas in the surroundings, from none to so much that a blob is a piece of them: sky
 between leaves. Chosen by inspection."""
 AROUND = 0.02
-"""Of the long side, how far these surroundings reach. Chosen by inspection."""
+"""Share of the long side up to which these surroundings reach. Chosen by inspection."""
 GROUND = (0.4, 0.8)
-"""Linear light of what is around a blob: beside the first it may be a light source, beside the second it is
-noise on something white. Chosen by inspection."""
+"""Linear light of the surroundings: with the first a blob may be a light source, with the second it is noise
+on something white. Chosen by inspection."""
 FLAT = (0.012, 0.022)
 """Linear light over the threshold, mean of a blob's pixels: from the second on they are clipped but for
 noise, up to the first they are paint that is nearly white, as in walk and fence (else 0.7, 0.3 dB less)."""
 NEARLY = 0.92
-"""Of the threshold, what a pixel has that belongs to a blob: coded clips have clipped pixels a little under
-white, 247 to 254 of 255 in H.264 at a rate factor of 20."""
+"""Share of the threshold from which a pixel belongs to a blob: coded clips have clipped pixels below white,
+247 to 254 of 255 in H.264 at a rate factor of 20."""
 LOW, WHITES = 10.0, (0.85, 1.0)
-"""Percentile of what pixels within blobs were recorded with, over which all are clipped, and its bounds."""
+"""Percentile of the recorded values within blobs above which all are clipped, and its bounds."""
 MOST = 4096
 """Blobs of a picture, those of most pixels, that are looked at: three times those of a night street at
 1280x720, and as many discs as touch each other when each is 15 pixels wide."""
 USED = 3
-"""Pixels around a blob that tell of it."""
+"""Pixels around a blob that are used."""
 ALIKE = 2
 """Pixels: sides of patches are multiples of it, so that many are looked at together."""
 
@@ -84,8 +85,10 @@ class Blobs:
 
 @dataclass(frozen=True)
 class Patches:
-    """The surroundings of k blobs of a picture, of one size (h, w): `USED` pixels or more around each. Past
-    the picture's border they go on as at it."""
+    """The surroundings of k blobs of a picture, of one size (h, w): `USED` pixels or more around each.
+
+    Past the picture's border they go on as at it.
+    """
 
     number: Indices
     """(k,) which of the picture's blobs it is."""
@@ -102,15 +105,15 @@ class Patches:
     beside: Mask
     """(k, h, w) its rim."""
     used: Mask
-    """(k, h, w) what tells of it: its pixels, and those around that no other blob reaches."""
+    """(k, h, w) used pixels: the blob's, and those around it that no other blob reaches."""
     core: Floats
     """(k, 3) linear colour that its clipped pixels were recorded with, the median."""
     rim: Floats
-    """(k, 3) linear light of its rim, sum of what is over the ground."""
+    """(k, 3) linear light of its rim: the sum over the ground."""
     doubt: Floats
-    """(k,) standard deviation of that in a channel, as the ground has a texture."""
+    """(k,) standard deviation of the rim in a channel, from the texture of the ground."""
     texture: Floats
-    """(k,) mean square of what is around it beside the ground, of square roots of linear light."""
+    """(k,) mean square of the surroundings' difference from the ground, of square roots of linear light."""
 
     def __len__(self) -> int:
         return len(self.number)
@@ -121,9 +124,11 @@ class Patches:
 
 
 def clipped_blobs(picture: LinearRGBA, threshold: float) -> Blobs:
-    """The small clipped blobs of a picture (H, W, 3 or 4), linear: connected pixels of which a channel has
-    nearly `threshold` of white, of some all of it, at most `MOST`. Those of no weight are left out. Passes
-    checkpoints."""
+    """Find the small clipped blobs of a picture (H, W, 3 or 4), linear.
+
+    They are connected pixels with nearly `threshold` of white in a channel, at least one with all of it, at
+    most `MOST`. Those without weight are left out. Passes checkpoints.
+    """
     peak = brightest(picture)
     clipped = peak >= NEARLY * threshold
     if not (peak >= threshold).any():
@@ -155,8 +160,10 @@ def clipped_blobs(picture: LinearRGBA, threshold: float) -> Blobs:
 
 
 def _weights(peak: Map, clipped: Mask, label: Ints, stats: Ints, centres: Floats, threshold: float) -> Floats:
-    """(n,) of the components of OpenCV's statistics in a picture's largest channel (H, W): how sure each is a
-    light source, before its ground is known."""
+    """(n,) probabilities of components to be light sources, before their ground is known.
+
+    Components are OpenCV's statistics in a picture's largest channel (H, W).
+    """
     long_side = max(peak.shape)
     row, column = np.nonzero(clipped)
     of, count = label[row, column], len(stats)
@@ -188,8 +195,10 @@ def _weights(peak: Map, clipped: Mask, label: Ints, stats: Ints, centres: Floats
 def _patches(
     picture: LinearRGBA, label: Ints, stats: Ints, numbers: Indices, size: tuple[int, int]
 ) -> tuple[Patches, Floats]:
-    """The surroundings of size (h, w) of some components (k,) of OpenCV's statistics, whose labels (H, W) are
-    given, and how bright (k,) their ground is; infinite where nothing is around."""
+    """Surroundings (h, w) of components (k,) with labels (H, W), and the brightness (k,) of their ground.
+
+    Brightness is infinite without surroundings.
+    """
     height, width = label.shape
     x, y, across, down = (stats[numbers, each][:, None] for each in range(4))
     places, inside = [], []
@@ -227,8 +236,10 @@ def _patches(
 
 
 def _around(light: Map, ground: Map, ring: Mask) -> tuple[Floats, Floats]:
-    """How light (k, 3, h, w) differs from the ground (k, 3, h, w) around blobs, where `ring` (k, h, w) says:
-    mean square (k,) of their square roots, and standard deviation (k,)."""
+    """Difference of light (k, 3, h, w) from the ground (k, 3, h, w) in `ring` (k, h, w).
+
+    The mean square (k,) of square roots, and the standard deviation (k,).
+    """
     count = 3 * np.maximum(ring.sum(axis=(1, 2)), 1)
     where = ring[:, None]
     roots = np.where(where, np.sqrt(np.maximum(light, 0)) - np.sqrt(ground), 0)
@@ -249,8 +260,7 @@ def _distances(masks: Mask) -> Map:
 
 
 def _ground(light: Map, ring: Mask) -> Map:
-    """(k, 3, h, w) what is behind blobs, from the light (k, 3, h, w) of the pixels around (k, h, w): the
-    nearest ones count most."""
+    """(k, 3, h, w) background of blobs from the light (k, 3, h, w) of the pixels around (k, h, w)."""
     known = np.concatenate([light * ring[:, None], ring[:, None]], axis=1, dtype=np.float32)
     total = np.zeros_like(known)
     for weight, reach in ((1.0, NEAR), (1e-2, 3 * NEAR), (1e-4, 9 * NEAR)):
@@ -283,9 +293,12 @@ def brightest(picture: LinearRGBA) -> Map:
 
 
 def point_spread(picture: LinearRGBA) -> float:
-    """Standard deviation in pixels of a Gaussian that is as sharp as the picture's (H, W, 3 or 4) sharpest
-    edges: the largest step from a pixel to the next, as a share of the contrast over seven."""
-    # Of sums of channels, which optics blur as they do light: of the largest channel, edges between two
+    """Estimate the standard deviation in pixels of a Gaussian point spread.
+
+    It follows from the picture's (H, W, 3 or 4) sharpest edges: the largest step between neighbours over the
+    contrast across seven.
+    """
+    # Sums of channels, which optics blur as they do light: in the largest channel, edges between two
     # colours are sharper than any.
     grey = picture[..., :3] @ LUMA
     near_clipped = cv2.dilate((brightest(picture) > 0.9).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0

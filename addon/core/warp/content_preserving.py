@@ -1,16 +1,17 @@
 """A regular grid that follows the features as stiffly as it can: the content-preserving warp.
 
 Liu, Gleicher, Jin and Agarwala, "Content-preserving warps for 3D video stabilization", 2009, section 4.2.
-Theirs finds the grid of each view: a feature in a cell should land where the view sees it, and every half of
-a cell should only turn and grow. Both are linear in the vertices as complex numbers, and a feature goes
-where its inverse depth times the virtual camera's position takes it, so the grids of all views are one
-complex number a vertex times that position. Its real part is an inverse depth. Its imaginary part is motion
-across, and is left out: with it results change by 0.02 dB at most.
+They solve for the grid of each view: a feature in a cell should land where the view sees it, and every half
+of a cell should only turn and grow. Both are linear in the vertices as complex numbers, and the motion of a
+feature is its inverse depth times the virtual camera's position, so the grids of all views are one complex
+number a vertex times this position.
 
-What is left is a membrane. The energy of triangles that should only turn and grow is that of stretching,
-in either part, less the area covered, which depends on the border alone (Pinkall and Polthier, "Computing
-discrete minimal surfaces and their conjugates", 1993). Weights by how much colour varies in a cell, as in
-the paper, changed results by up to 0.16 dB, less than a softer membrane does, and are left out too.
+Its real part is an inverse depth. Its imaginary part is motion across, and is left out: with it results
+change by 0.02 dB at most. The rest is a membrane. The energy of triangles that should only turn and grow is
+that of stretching, in either part, less the covered area, which depends on the border alone (Pinkall and
+Polthier, "Computing discrete minimal surfaces and their conjugates", 1993). Weights by the variation of
+colour in a cell, as in the paper, changed results by up to 0.16 dB, less than a softer membrane does, and are
+left out, too.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from ..depth.sparse import DepthSamples
 from .mesh import WarpMesh
 
 SOLVER_ACCURACY = 1e-9
-"""Of the right hand side, what conjugate gradients may leave: far below what a pixel shows."""
+"""Residual of conjugate gradients relative to the right hand side: far below a visible change."""
 SOLVER_STEPS = 2000
 """Steps of conjugate gradients at most. Chosen by inspection."""
 COLUMNS = 64
@@ -40,7 +41,7 @@ FADE = 10
 MARGIN_CELLS = 8
 """Cells past the border at most; a wide margin has large ones. Chosen by inspection."""
 RANGE_MARGIN = 0.25
-"""Of the features' range of inverse depths, by which vertices may leave it. Chosen by inspection."""
+"""Share of the features' range of inverse depths by which vertices may leave it. Chosen by inspection."""
 TALLEST = 4
 """Ratio of height to width above which cells are larger, or there would be thousands of rows. Chosen by
 inspection."""
@@ -82,8 +83,10 @@ def grid_mesh(
 
 
 def allowed(inverse_depth: Floats, flat: float) -> tuple[float, float]:
-    """Least and largest inverse depth of a grid over features of inverse depths (n,), or twice `flat` without
-    any; the grid's margin has to do for both."""
+    """Return the least and largest inverse depth of a grid over features of inverse depths (n,).
+
+    The grid's margin must suffice for both; without features it is twice `flat`.
+    """
     usable = inverse_depth[np.isfinite(inverse_depth) & (inverse_depth > 0)]
     low, high = float(usable.min(initial=np.inf)), float(usable.max(initial=-np.inf))
     if not len(usable):
@@ -93,11 +96,11 @@ def allowed(inverse_depth: Floats, flat: float) -> tuple[float, float]:
 
 
 def outliers(xy: Floats, inverse_depth: Floats, neighbours: int) -> Mask:
-    """(n,) features at (n, 2) with inverse depths (n,) that differ from all `neighbours` around them by more
-    than the whole frame's range, 2nd to 98th percentile.
+    """Return the features (n,) that differ from all their neighbours by more than the frame's range.
 
-    Nothing less is an error for sure: weights by how far a feature is off the membrane, the common way
-    against outliers, drew things in front into the background and cost a decibel in two scenes of three.
+    The range is the 2nd to 98th percentile of inverse depths (n,). Smaller differences are not certain
+    errors: weights by the distance from the membrane, the common way against outliers, drew things in front
+    into the background and cost a decibel in two scenes of three.
     """
     result = np.zeros(len(xy), bool)
     if len(xy) <= neighbours:
@@ -113,11 +116,11 @@ def outliers(xy: Floats, inverse_depth: Floats, neighbours: int) -> Mask:
 
 
 def membrane(x: Floats, y: Floats, xy: Floats, values: Floats, weights: Floats, stiffness: float) -> Floats:
-    """(h, w) values at vertices on lines x (w,) and y (h,): stretched over those (n,) at places (n, 2).
+    """Return values (h, w) at vertices on lines x (w,) and y (h,), stretched over given values (n,).
 
-    Minimises the weighted squares of what the bilinear interpolation misses at the places, and `STIFFNESS`
-    times those of the steps between vertices, both of what the best plane leaves over: planes come out
-    exactly. (The paper warps by a homography first, for the same reason.)
+    Minimises the weighted squared residuals of bilinear interpolation at places (n, 2), plus the stiffness
+    times the squared steps between vertices, both relative to the best plane: planes are exact. (The paper
+    warps by a homography first, for the same reason.)
     """
     slope = _plane(xy, values, weights)
     rest = values - np.column_stack([xy, np.ones(len(xy))]) @ slope
@@ -178,11 +181,10 @@ def conjugate_gradients(applied: Callable[[Floats], Floats], wanted: Floats, dia
 
 
 def fading(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:
-    """(n,) weights in (0, 1] of a frame's points: low in the first and last frames that see them, as many as
-    they fade in.
+    """Return the weights (n,) in (0, 1] of a frame's points.
 
-    The clip's own ends do not count: what is seen up to there is not about to go. Points -1, which no
-    frame tracks, have 1.
+    They are low in the first and last frames that see a point, except at the clip's own ends, where a point
+    does not disappear. Points -1, which no frame tracks, have 1.
     """
     frames, fade = reconstruction.frames, FADE
     before = reconstruction.images[: np.searchsorted(frames, frame)][: -fade - 1 : -1]

@@ -1,7 +1,7 @@
-"""Colours that a frame does not show, taken from the frames that saw them.
+"""Colours of hidden pixels from other frames.
 
-What lies behind a silhouette or past the border is a surface of known depth; where another frame sees it,
-inside its picture and not hidden there by anything that this frame shows, its colour is that frame's.
+The surface behind a silhouette or past the border has a known depth; another frame that sees it, inside its
+picture and not hidden by anything in this frame, gives its colour.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ KEPT_PICTURES = 12
 LONGEST_SIDE = 1920
 """Pixels of the long side of these pictures at most, for memory. Chosen by inspection."""
 OCCLUDER_MARGIN = 0.04
-"""Of the inverse depth, by which something must be nearer to hide what lies behind. Chosen by inspection."""
+"""Relative difference of inverse depth from which a surface hides another. Chosen by inspection."""
 GRID = 3
 """Pixels between places of the frame's own surfaces that are projected into the others. Chosen by
 inspection."""
@@ -52,19 +52,18 @@ SQUARE = 6
 WIDEST = 2
 """Squares at most that something near hides around itself. Chosen by inspection."""
 BEYOND = 0.1
-"""Of the long side, by which the frame's surfaces are taken to go on past its border. Chosen by
-inspection."""
+"""Share of the long side by which the frame's surfaces continue past its border. Chosen by inspection."""
 SILHOUETTE_MARGIN = 1.0
 """Pixels beside something nearer that may show it in part: mixed pixels."""
 GAINS = (0.5, 2.0)
 """Least and largest ratio of exposures between frames: a stop. Chosen by inspection."""
 MOVING_MARGIN = 0.004
-"""Of the long side, by which what moves is taken to be wider than it was found. Chosen by inspection."""
+"""Share of the long side by which moving pixels are dilated. Chosen by inspection."""
 AGREEMENT = 0.06
 """Difference of colours (square root of linear light) that frames may disagree by. Chosen by inspection."""
 LEAST_SEEN = 0.5
-"""Share of what the frame shows around a place that the others must see as it does, to be believed there.
-Chosen by inspection; with this test fence gains 0.5 dB (32 px, true depth)."""
+"""Share of the colours around a place that other frames must confirm, to be used there. Chosen by inspection;
+with this test fence gains 0.5 dB (32 px, true depth)."""
 
 
 class DisocclusionFill:
@@ -93,11 +92,18 @@ class DisocclusionFill:
         moving: Mask | None = None,
         past_border: Map | None = None,
     ) -> ReprojectedColours:
-        """What other frames see of what one does not show.
+        """Return other frames' colours for a frame's hidden pixels.
 
-        `picture` (H, W, 4), linear, and `inverse_depth` (H, W) are what the frame itself shows in the canvas;
-        `moving` (h, w), at any size, what moves by itself there, if that is known, `past_border`
-        (H + 2 m, W + 2 m) what is `PixelDepth.past_border`. UserError where another frame cannot be read.
+        Args:
+            frame: Number of the frame.
+            canvas: That of the frame.
+            picture: (H, W, 4) linear, shown by the canvas.
+            inverse_depth: (H, W).
+            moving: (h, w) moving pixels at any size, if they are known.
+            past_border: (H + 2 m, W + 2 m) as `PixelDepth.past_border`.
+
+        Raises:
+            UserError: Another frame cannot be read.
         """
         image, _ = self._rec.image_at(frame)
         target = self._target(image.frame, canvas, picture, inverse_depth, moving, past_border)
@@ -117,8 +123,7 @@ class DisocclusionFill:
     def _source_view(
         self, image: Image, canvas: Canvas, other: Image, target: _TargetView
     ) -> tuple[SourceView, Map]:
-        """What another frame sees, and its colours (3, n) of the places that the target view shows; infinite
-        where it does not see them."""
+        """The view of another frame, and its colours (3, n) of the target's places, infinite where unseen."""
         camera = self._rec.intrinsics(other)
         picture = self._pictures.get(other.frame, lambda: self._linear(other.frame))
         checkpoint(0.5)
@@ -142,9 +147,11 @@ class DisocclusionFill:
         moving: Mask | None,
         past_border: Map | None,
     ) -> _TargetView:
-        """What a frame shows, thinned out, of a picture (H, W, 4) and inverse depths (H, W), where `moving`
-        (h, w) tells what moves by itself, or None that it is to be found; `past_border` (H + 2 m, W + 2 m)
-        what is known around it."""
+        """The sparse places of a frame, of a picture (H, W, 4) and inverse depths (H, W).
+
+        `moving` (h, w) are moving pixels, None if they must be found; `past_border` (H + 2 m, W + 2 m) is
+        known around the frame.
+        """
         shape = inverse_depth.shape
         grid = GRID
         rows, columns = (np.arange(min(grid // 2, n - 1), n, grid) for n in shape)
@@ -175,8 +182,7 @@ class DisocclusionFill:
         )  # fmt: skip
 
     def _moves(self, frame: int, canvas: Canvas, places: Places, moving: Mask | None) -> Mask:
-        """(n,) whether places of a frame's canvas move by themselves, where `moving` (h, w) tells it of the
-        canvas, or None that it is to be found."""
+        """(n,) whether places of a frame's canvas move, by `moving` (h, w), or None if it must be found."""
         if moving is not None:
             size = canvas.pinhole.width, canvas.pinhole.height
             return _within(self._widened(moving), np.stack([places.x, places.y], axis=1) / size)
@@ -210,20 +216,26 @@ class DisocclusionFill:
 
 @dataclass(frozen=True)
 class ReprojectedColours:
-    """What other frames see of what one does not show."""
+    """Other frames' colours for a frame's hidden pixels."""
 
     sources: tuple[SourceView, ...]
     """The source frames."""
     surroundings: BilateralGrid
-    """What the frame itself shows, and how often the others see the same."""
+    """Colours of the frame itself, and how often other frames confirm them."""
 
     def colours(self, places: Floats, inverse: Floats) -> tuple[LinearRGB, Mask]:
-        """Linear colours (n, 3) of places (n, 2), canvas pixels, at inverse depths (n,), and which (n,) are
-        known: a `HiddenColours`.
+        """Return colours for places of the canvas: a `HiddenColours`.
 
-        The median of the frames that see a place, if half of them agree with it: what moved away disagrees.
-        Nothing is known where the frames do not even see what the frame itself shows around at that depth,
-        nor by a single one whose colour is unlike all of that: something may have passed there.
+        The result is the median of the frames that see a place, if half of them agree: moving objects do not.
+        There is none where other frames do not confirm the frame's own colours around a place at that depth.
+        A single frame must have a colour like those around, as something may have passed.
+
+        Args:
+            places: (n, 2) canvas pixels.
+            inverse: (n,) inverse depths.
+
+        Returns:
+            Linear colours (n, 3), and the places (n,) with one.
         """
         colours, known = np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)
         if not self.sources:
@@ -256,19 +268,18 @@ class ReprojectedColours:
 
 @dataclass(frozen=True)
 class _TargetView:
-    """What the frame that is filled shows itself, thinned out."""
+    """The sparse places of the frame to fill."""
 
     places: Places
     """Every `GRID` pixels of the canvas."""
     colour: Map
     """(3, n) linear colour of the places."""
     root: Map
-    """(3, n) square root of that."""
+    """(3, n) square root of the colours."""
     still: Mask
     """(n,) whether a place does not move by itself."""
     occluders: Places
-    """What may hide something elsewhere: those places that stand still, those past the border, and those
-    beside something farther."""
+    """Possible occluders: static places, those past the border, and those beside something farther."""
 
 
 def _parts(places: Places) -> list[Places]:
@@ -310,8 +321,10 @@ def _nearest(reprojection: Reprojection, places: Places, apart: float) -> Map:
 
 
 def _hides(nearest: Map, moving: Mask | None, camera: Intrinsics) -> Map:
-    """(H, W) least inverse depth at which something is not hidden in each pixel of a lens, infinite where it
-    moves (h, w); `nearest` (r, c) is what stands before all else in its squares."""
+    """(H, W) least unoccluded inverse depth in each pixel of a lens, infinite in moving pixels (h, w).
+
+    `nearest` (r, c) is the nearest inverse depth in squares of pixels.
+    """
     square, margin = SQUARE, int(SILHOUETTE_MARGIN)
     whole = cv2.resize(
         nearest / np.float32(1 + OCCLUDER_MARGIN),
@@ -332,8 +345,10 @@ def _differ(a: Map, b: Map) -> Map:
 
 
 def _gain(own: Map, theirs: Map, bounds: tuple[float, float]) -> Map:
-    """(3,) by how much the frame is brighter than another, of colours (3, n) of the same places; infinite
-    where the other does not see them."""
+    """(3,) ratio of brightness to another frame's, of colours (3, n) of the same places.
+
+    Colours are infinite where the other frame does not see them.
+    """
     thinned = slice(None, None, max(1, own.shape[1] // GAIN_PLACES))
     own, theirs = own[:, thinned], theirs[:, thinned]
     low, high = np.minimum(own, theirs).min(axis=0), own.max(axis=0)

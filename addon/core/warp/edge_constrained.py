@@ -1,11 +1,11 @@
-"""A mesh whose triangles' sides follow the edges in the picture, so that few span two things.
+"""A mesh whose triangle sides follow the edges in the picture, so that few triangles span two things.
 
 The thesis's outlook, section 5.2: a method "which takes as input not only the points to be triangulated, but
-also information about intensity edges". A straight edge is a row of vertices, close enough together that
-all its pieces are sides of Delaunay triangles (a conforming triangulation). Its depth is that of the features
-beside it that no other edge hides. Where they differ from one side to the other there is a row on either
-side, and what stretches is the gap between them. Edges far from all jumps are paint, and left out: vertices
-on them would know less than the features around.
+also information about intensity edges". A straight edge is a row of vertices, close enough together that all
+its pieces are sides of Delaunay triangles (a conforming triangulation). Its depth is that of the features
+beside it that no other edge hides. Where both sides differ there is a row on either side, and the triangles
+between them stretch. Edges far from all jumps are paint, and left out: their vertices would be less certain
+than the features around.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ ALONG = 0.4
 FEATURES = 3
 """Features on one side of a vertex, whose median depth it gets. Chosen by inspection."""
 CANDIDATES = 10
-"""Nearest features, of which those that no other edge hides tell a vertex's depth. Chosen by inspection."""
+"""Nearest features; those not hidden by another edge give a vertex's depth. Chosen by inspection."""
 REACH = 60.0
-"""Pixels, those along the edge weighted, beyond which a feature says nothing of it. Chosen by inspection."""
+"""Pixels, those along the edge weighted, beyond which a feature is not used. Chosen by inspection."""
 SPLITS = 6
 """Rounds of splitting pieces of edges that are no sides yet: from 8 pixels to less than one."""
 CHUNK = 2_000_000
@@ -55,7 +55,7 @@ CHUNK = 2_000_000
 
 @dataclass(frozen=True)
 class Rows:
-    """Straight rows of vertices, in pieces: what has to be sides of triangles."""
+    """Straight rows of vertices in pieces, which become sides of triangles."""
 
     xy: Floats
     """(v, 2) in pixels."""
@@ -238,10 +238,9 @@ def _side_depth(
     xy: Floats,
     inverse: Floats,
 ) -> Floats:
-    """(v,) inverse depth beside places (v, 2) of edges (v,), on the side of `across` (v, 2); NaN where none
-    is known.
+    """(v,) inverse depth beside places (v, 2) of edges (v,), on the side of `across` (v, 2); NaN if unknown.
 
-    The median of the nearest features on that side that no other edge's pixels in `walls` hide.
+    The median of the nearest features on this side that the pixels of other edges in `walls` do not hide.
     """
     off = xy - place[:, None]
     over, past = (np.einsum("vnk,vk->vn", off, axis) for axis in (across, along))

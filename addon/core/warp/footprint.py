@@ -32,8 +32,8 @@ BISECTIONS = 16
 WIDEST = 256.0
 """Texels; wider footprints are blurred as this one, wider than most that layers are displaced by."""
 BURIED = 8
-"""Pixels from what a view may see, half of `layered_depth_image.EXTRAPOLATION`: so far behind a near surface,
-what shows next is that surface itself."""
+"""Pixels behind a near surface that a view may see, half of `layered_depth_image.EXTRAPOLATION`: farther
+behind, the surface itself shows next."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +57,15 @@ LEVELS = _levels()
 
 
 def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: Callable[[Map], Map]) -> None:
-    """Blur the texture (n h, w, 4) of n - 1 layers and what is behind them, in place.
+    """Blur the texture (n h, w, 4) of n - 1 layers and the background in place.
 
-    `radius` tells the radii (H, W) of the footprints of disparities (H, W), in pixels. Near surfaces are
-    blurred together with their alpha, as far as they are drawn; the last one stays opaque. Nothing bleeds
-    from one surface into another. Passes checkpoints.
+    Near surfaces are blurred together with their alpha, as far as they are drawn; the last one stays opaque.
+    No surface bleeds into another. Passes checkpoints.
+
+    Args:
+        texture: Premultiplied.
+        layers: The layers.
+        radius: Returns the footprints' radii (H, W) in pixels of disparities (H, W).
     """
     width = layers[0].is_far.shape[1]
     parts = texture.reshape(len(layers) + 1, -1, texture.shape[1], 4)
@@ -82,7 +86,9 @@ def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: 
 
 def prefilter_alone(texture: LinearRGBA, radius: Map) -> None:
     """Blur a texture (h, w, 4) that lies alone, with its alpha, in place; `radius` (h, w) in its texels.
-    Passes checkpoints."""
+
+    Passes checkpoints.
+    """
     _filter(texture, np.empty_like(texture), 1, radius.astype(np.float32), None, [])
 
 
@@ -112,10 +118,10 @@ def _filter(
     kept: Mask | None,
     buried: Sequence[tuple[LinearRGBA, Mask]],
 ) -> None:
-    """Blur a part of the texture (h, w, 4), `finer` times as fine as its footprints' radii (H, W) in pixels.
+    """Blur a part of the texture (h, w, 4), `finer` times as fine as its footprints' radii (H, W).
 
-    `spare` (h, w, 4) is written to as it goes. Texels that are not `kept` (H, W) count as transparent; where
-    others are `buried` (H, W), their part's texels (h, w, 4) take the place of this one's for what is around.
+    `spare` (h, w, 4) is written to. Texels that are not `kept` (H, W) count as transparent; where others are
+    `buried` (H, W), their texels (h, w, 4) replace this part's in the filter.
     """
     rows, columns = (range(0, finer * n, TILE) for n in radius.shape)
     places = [(row, column) for row in rows for column in columns]
@@ -146,7 +152,7 @@ def _tile(
     radii = [level.radius for level in LEVELS]
     first = min(int(np.searchsorted(radii, least, "right")) - 1, len(LEVELS) - 2)
     used = LEVELS[first : max(int(np.searchsorted(radii, widest)), first + 1) + 1]
-    # Cells of the coarsest raster that is used, past the widest disc and what interpolation looks at.
+    # Cells of the coarsest raster, past the widest disc and the reach of interpolation.
     step = used[-1].shrink
     margin = step * int(np.ceil(used[-1].radius / step) + 2)
     around = _around(part, finer, kept, buried, place, (own.shape[0], own.shape[1]), margin)
@@ -216,7 +222,7 @@ def _blurred(around: LinearRGBA, level: Level) -> LinearRGBA:
         around, 0, size[1] * level.shrink - height, 0, size[0] * level.shrink - width, cv2.BORDER_REPLICATE
     )
     small = cv2.resize(wide, size, interpolation=cv2.INTER_AREA)
-    # A cell's mean and what is linear between cells blur too: a twelfth and a sixth of a cell squared.
+    # The mean over a cell and linear interpolation blur, too: a twelfth and a sixth of a cell squared.
     left = np.sqrt((level.radius / level.shrink) ** 2 - 4 * (1 / 12 + 1 / 6))
     small = cv2.filter2D(small, -1, disc_kernel(float(left)), borderType=cv2.BORDER_REPLICATE)
     whole = cv2.resize(small, wide.shape[1::-1], interpolation=cv2.INTER_LINEAR)

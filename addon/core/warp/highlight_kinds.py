@@ -1,7 +1,7 @@
-"""What lamps are: radiances and colours that the light sources of a clip have, whatever the rim of one says.
+"""Kinds of lamps: radiances and colours of a clip's light sources.
 
-A rim tells little of a very bright lamp, and lamps of a clip are of few kinds. So all of them together tell
-what each may be (`kinds_of`), and a colour that a rim does not tell is that of a lamp (`tints`).
+The rim of a very bright lamp has little evidence, and a clip has few kinds of lamps. All of them together
+give a prior (`kinds_of`), and a colour without evidence in the rim is that of a lamp (`tints`).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ RADIANCES: Floats = np.geomspace(1.0, 1000.0, 28)
 """Radiances of a light source that are compared, times white: a ratio of 1.29 apart."""
 PRIOR = ((4.0, 0.7), (30.0, 1.2))
 """Median radiances of paper lanterns and screens and of bare lamps, times white, and the spreads of their
-logarithms, where neither rims nor the other ones of the clip tell which: the former have 3 to 11, the latter
-30 to over 1,000."""
+logarithms, without evidence from rims or the clip's other lamps: the former have 3 to 11, the latter 30 to
+over 1,000."""
 PAINT = 0.25
-"""Probability that a blob is no brighter than it was recorded, before its rim is looked at. Of 0.25 and 0.5
-lamps of 2 times white get 0.93 to 0.99 and 0.85 to 0.88 of their energy."""
+"""Prior probability that a blob is no brighter than recorded. With 0.25 and 0.5 lamps of 2 times white get
+0.93 to 0.99 and 0.85 to 0.88 of their energy."""
 AREAS: Floats = np.geomspace(1.0, 512.0, 10)
 """Clipped pixels of light sources: kinds differ in size, too."""
 LIKE_AREA, LIKE_RADIANCE = 0.7, 0.25
@@ -31,27 +31,27 @@ KNOWN = 1.0
 """As many light sources of the clip count as much as what is known of light sources before. Chosen by
 inspection."""
 ROUNDS = 20
-"""Of expectation maximisation."""
+"""Iterations of expectation maximisation."""
 TINT_AXES: Floats = np.array([[-0.42, 0.91], [0.91, 0.42]])
-"""Of the logarithms of red and of blue over green, the direction in which glowing bodies of 2,700 to 10,000 K
-lie, linear sRGB, and the one across."""
+"""Directions in the logarithms of red and of blue over green: along the colours of glowing bodies of 2,700 to
+10,000 K, linear sRGB, and across."""
 TINT_MEAN: Floats = np.array([-0.35, 0.0])
 TINT_SPREAD: Floats = np.array([0.6, 0.45])
 """Mean and standard deviation of light sources' colours in these: warm white, of about 4,000 K. Chosen by
 inspection."""
 TINT_RATIO = 0.5
-"""Logarithm, standard deviation of a channel's ratio to the largest, as a rim tells it. Chosen by
+"""Standard deviation of the logarithm of a channel's ratio to the largest one in a rim. Chosen by
 inspection."""
 LEAST_TINT, LEAST_DOUBT = 0.02, 0.2
-"""Of a rim's largest channel: what each has at least, and what it is off by at least."""
+"""Least light of each channel of a rim, and its least error, relative to the largest channel."""
 UNCLIPPED = 0.8
-"""Of a blob's brightest channel, under which another one in its middle is not clipped: where all are, H.264
-leaves 0.86 of one beside the others, as colours have half the resolution."""
+"""Share of a blob's brightest channel below which another channel in its middle is not clipped: H.264, with
+colours at half the resolution, leaves 0.86 of a fully clipped one."""
 
 
 @dataclass(frozen=True)
 class Lamps:
-    """What the rims of a picture's blobs tell of them, n in all: as much as other frames need to know."""
+    """The estimates from the rims of a picture's n blobs, as far as other frames need them."""
 
     centre: Map
     """(n, 2) x and y as shares of the picture's width and height."""
@@ -67,11 +67,10 @@ class Lamps:
 
 
 def kinds_of(frames: Sequence[Lamps]) -> Floats:
-    """(a, r) how likely each of `RADIANCES` is in a clip for light sources of about each of `AREAS`, before
-    the rim of one is looked at, by what the rims of all in some of its frames tell.
+    """Return the prior (a, r) of each of `RADIANCES` in a clip, for light sources of each of `AREAS`.
 
-    An empirical Bayes prior, by expectation maximisation: Robbins, "An empirical Bayes approach to
-    statistics", 1956. Without any it is `PRIOR`.
+    It is an empirical Bayes prior from the rims in some frames, by expectation maximisation: Robbins, "An
+    empirical Bayes approach to statistics", 1956. Without rims it is `PRIOR`.
     """
     base = _base()
     kinds = np.tile(base, (len(AREAS), 1))
@@ -92,8 +91,14 @@ def kinds_of(frames: Sequence[Lamps]) -> Floats:
 
 
 def tints(rim: Floats, doubt: Floats) -> Floats:
-    """(k, 3) linear colours, largest 1, of light sources whose rims have light (k, 3), right to `doubt` (k,)
-    in each channel: the less that is known, the nearer to warm white and to colours of glowing bodies."""
+    """Return the linear colours (k, 3), largest channel 1, of light sources by their rims.
+
+    With less evidence they are nearer to warm white and to colours of glowing bodies.
+
+    Args:
+        rim: (k, 3) light of the rims.
+        doubt: (k,) standard deviation of a channel.
+    """
     most = np.maximum(rim.max(axis=1), 1e-3)[:, None]
     safe = rim / most + LEAST_TINT
     place = np.log(safe[:, [0, 2]] / safe[:, 1:2]) @ TINT_AXES.T
@@ -110,8 +115,12 @@ def is_known(core: Floats) -> Mask:
 
 
 def as_tinted(tint: Floats, core: Floats) -> Floats:
-    """(k, r) logarithm of how likely radiances are of light sources of tints (k, 3) whose cores were recorded
-    with light (k, 3): the channels that the camera did not clip tell the others."""
+    """Return the log-likelihood (k, r) of radiances by the channels that the camera did not clip.
+
+    Args:
+        tint: (k, 3) colours of the light sources.
+        core: (k, 3) recorded light of their cores.
+    """
     told = np.log(np.maximum(core, LEAST_TINT) / np.maximum(tint, LEAST_TINT))[..., None]
     off = (np.log(RADIANCES) - told) / TINT_RATIO
     return np.asarray((-(off**2) / 2 * is_known(core)[..., None]).sum(axis=1))
@@ -137,7 +146,7 @@ def by_area(area: Floats) -> Floats:
 
 @lru_cache
 def _alike() -> Floats:
-    """(r, r) shares by which a radiance is another one of the same kind; paint is a kind of its own."""
+    """(r, r) shares by which a radiance belongs to the kind of another; paint is a separate kind."""
     away = np.log(RADIANCES[:, None] / RADIANCES) / LIKE_RADIANCE
     near = np.exp(-(away**2) / 2)
     near[0, 1:] = near[1:, 0] = 0

@@ -1,17 +1,16 @@
-"""How bright the small clipped things of one picture are: light sources, glints, specular edges.
+"""The brightness of the small clipped things of a picture: light sources, glints, specular edges.
 
-A camera records nothing over white, so a light source's blur disc comes out as dim as a sheet of paper's. How
-bright the light source was can be read from its rim: pixels that it covers in part are not clipped, and the
-brighter it is, the wider its point spread reaches at the level where the camera clips and the steeper the
-picture falls off there. A model of the light source (its outline drawn in by some distance, one radiance,
-blurred by the point spread that the picture's sharpest edges show, clipped) is compared to the pixels for
-every pair of distance and radiance. What it gives is the *energy*: the clipped pixels of a light source are
-more than the light source, so their count times its radiance is too much. Where the rim says little, the
-radiance is near a prior (`PRIOR`).
+A camera records nothing over white, so a light source's blur disc is as dim as that of a sheet of paper. Its
+brightness can be estimated from its rim: partly covered pixels are not clipped, and a brighter source has a
+wider and steeper point spread at the level of clipping. A model of the source (its outline shrunk by some
+distance, one radiance, blurred by the point spread of the picture's sharpest edges, clipped) is compared with
+the pixels for every pair of distance and radiance.
 
-Masia et al., "Evaluation of reverse tone mapping through varying exposure conditions", 2009, compare what
-brightens clipped areas by rules of thumb; Banterle et al., "Inverse tone mapping", 2006, spread it from the
-brightest pixels. Neither keeps energy.
+The result is the *energy*: the clipped pixels of a source cover more than the source, so that their count
+times its radiance is too much. Without evidence in the rim the radiance is near a prior (`PRIOR`). Masia et
+al., "Evaluation of reverse tone mapping through varying exposure conditions", 2009, compare rules of thumb
+for clipped areas; Banterle et al., "Inverse tone mapping", 2006, spread light from the brightest pixels.
+Neither keeps energy.
 """
 
 from __future__ import annotations
@@ -29,9 +28,9 @@ from .clipped_blobs import LUMA, PAD, Blobs, Patches, gaussian
 from .highlight_kinds import RADIANCES, UNCLIPPED, Lamps, as_tinted, by_area, is_known, tints
 
 MISFIT = 0.085
-"""Square root of linear light by which the model is off beside noise, OUTLIER what a pixel may be off by
-before it counts less. Of 0.05 to 0.115 by `tests/frame/test_highlights.py` and
-`benchmarks.accuracy.highlight_radiance`: larger ones leave a lamp to what is known of lamps."""
+"""Error of the model besides noise, in square roots of linear light, and error of a pixel from which it
+counts less. Chosen between 0.05 and 0.115 by `tests/frame/test_highlights.py` and
+`benchmarks.accuracy.highlight_radiance`; larger errors leave a lamp to the prior."""
 OUTLIER = 0.2
 FINER = 4
 """Parts of a pixel that outlines are sampled by."""
@@ -43,14 +42,14 @@ as far as 1.6 pixels with a spread of 0.42."""
 REACH = 4.0
 """Spreads, to which an outline is drawn in at most: of an edge of 1,000 times white a camera clips 3.1."""
 SMOOTHED = 0.8
-"""Pixels, standard deviation, by which an outline is smoothed. Of 0.5 and 0.8 the better one in bars."""
+"""Standard deviation in pixels by which an outline is smoothed: the better one of 0.5 and 0.8 in bars."""
 ROUND = 0.85
 """Share of an outline and of the ellipse with its moments that both have, from which on it is that."""
 EVERY = 2, 3
 """Every so many-th distance and radiance is looked at first."""
 UNLIKELY = 30.0
-"""Logarithm by which what is less likely than the most likely is not looked at closely. Of 12, 20 and 30 the
-light of a night street's lamps differs by 9, 0.08 and 0.001 % from that of looking at everything."""
+"""Log-likelihood below the maximum from which models are not refined. With 12, 20 and 30 the light of a night
+street's lamps differs by 9, 0.08 and 0.001 % from the full search."""
 FAINT = 1e-6
 """Share of a light source's radiance that counts as none: a thousandth of white of the brightest."""
 IMPOSSIBLE = -1e9
@@ -75,7 +74,7 @@ Told = tuple[Floats, Floats, Floats]
 
 
 def lamps(blobs: Blobs) -> Lamps:
-    """What the rims of blobs tell. Passes checkpoints."""
+    """Return the estimates from the rims of blobs. Passes checkpoints."""
     evidence = np.zeros((len(blobs), len(RADIANCES)), np.float32)
     tint = np.zeros((len(blobs), 3), np.float32)
     for some, outlines in _modelled(blobs):
@@ -84,14 +83,22 @@ def lamps(blobs: Blobs) -> Lamps:
 
 
 def lost_light(blobs: Blobs, threshold: float, told: Told, kinds: Floats) -> LostLight:
-    """What clipping took from blobs' pixels of `threshold` or more, with what other frames have `told`, in a
-    clip of such `kinds`. Passes checkpoints."""
+    """Return the light that clipping removed from blobs.
+
+    Passes checkpoints.
+
+    Args:
+        blobs: The blobs.
+        threshold: Pixels of this light or more are clipped.
+        told: Estimates of other frames.
+        kinds: Kinds of lamps in the clip, from `kinds_of`.
+    """
     pixels, found = [np.zeros(0, np.intp)], [np.zeros((0, 3), np.float32)]
     prior = np.log(by_area(blobs.area) @ kinds)
     least = UNCLIPPED * threshold
     for some, outlines in _modelled(blobs):
         total, evidence, tint = (each[some.number] for each in told)
-        # The more others tell, the less the frame itself counts: what it alone says flickers.
+        # A frame's own estimate flickers, so it counts less with more estimates of others.
         share = 1 / (1 + total)[:, None]
         whole = total[:, None] + share
         evidence = (evidence + share * outlines.evidence) / whole
@@ -127,8 +134,13 @@ class _Outlines:
         return np.asarray(mean - mean.max(axis=1, keepdims=True))
 
     def light(self, posterior: Floats, colour: Floats, ground: Map) -> Map:
-        """(k, 3, h, w) linear light of the patches without clipping, with the logarithm of how likely each
-        radiance is (k, r) and colours (k, 3), largest 1, over the ground (k, 3, h, w)."""
+        """Return the linear light (k, 3, h, w) of the patches without clipping.
+
+        Args:
+            posterior: (k, r) logarithm of the probability of radiances.
+            colour: (k, 3) colours, largest channel 1.
+            ground: (k, 3, h, w) background.
+        """
         posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
         place = posterior @ np.log(RADIANCES) / posterior.sum(axis=1)
         radiance = np.exp(place)
@@ -164,9 +176,11 @@ def _modelled(blobs: Blobs) -> Iterator[tuple[Patches, _Outlines]]:
 
 
 def _outlines(patches: Patches, inside: Map, steps: Indices, optics: float, clips: float) -> _Outlines:
-    """The models of k blobs whose outline places (k, FINER h, FINER w) are `inside` of by so many pixels,
-    each drawn in by so many `steps` (k,); optics blur by so many parts of a pixel, and light of
-    `clips` times the core's is clipped."""
+    """Models of k blobs with shrunk outlines.
+
+    Places (k, FINER h, FINER w) are `inside` of the outlines by so many pixels, each shrunk by `steps` (k,).
+    Optics blur by parts of a pixel; light of `clips` times the core's is clipped.
+    """
     distances = (DISTANCES[0] + STEP * np.arange(steps.max())).astype(np.float32)
     drawn = FINER * inside[:, None] + (0.5 - FINER * distances[:, None, None])
     np.clip(drawn, 0, 1, out=drawn)
@@ -177,7 +191,7 @@ def _outlines(patches: Patches, inside: Map, steps: Indices, optics: float, clip
     tint = tints(patches.rim, patches.doubt)
     bright = _bright(RADIANCES[:, None, None], tint, patches.core)
     root = np.tensordot(LUMA, np.sqrt(np.maximum(patches.light, 0)), (0, 1))
-    # What every outline covers, or none, tells nothing of them.
+    # Pixels covered by all outlines, or by none, do not separate them.
     told = patches.used & (coverage[:, 0] > FAINT) & (coverage[:, -1] < 1 - FAINT)
     likelihood = np.full((*coverage.shape[:2], len(RADIANCES)), IMPOSSIBLE)
     hint = as_tinted(tint, patches.core)
@@ -190,9 +204,16 @@ def _outlines(patches: Patches, inside: Map, steps: Indices, optics: float, clip
 
 
 def _likelihood(coverage: Map, bright: Map, ground: Map, root: Map, spread: float, cap: np.float32) -> Floats:
-    """(d, r) logarithm of how likely light sources are that are `bright` (r, 3) and reach p pixels in shares
-    (d, p), before what is `ground` (3, p), where the luma (p,) of square roots of light was recorded;
-    `spread` is what the sum of squares may be off by, `cap` the light that is clipped."""
+    """Log-likelihoods (d, r) of light sources.
+
+    Args:
+        coverage: (d, p) share of p pixels that they reach.
+        bright: (r, 3) their light.
+        ground: (3, p) background.
+        root: (p,) recorded luma of square roots of light.
+        spread: Expected error of the sum of squares.
+        cap: Level of clipping.
+    """
     # Over the outlier's square root of light, so that nothing is to be scaled later.
     scale = (LUMA / OUTLIER) ** 2
     over = scale[:, None] * np.maximum(bright[:, :, None] - ground, 0)
@@ -211,9 +232,11 @@ def _likelihood(coverage: Map, bright: Map, ground: Map, root: Map, spread: floa
 
 
 def _misfit(light: Map, behind: Map, white: Map, seen: Map) -> Floats:
-    """(...) how far p pixels of light (..., 3, p), which is written over, are off before what is behind
-    (3, p), as far as white (3, 1), where luma (p,) was seen; channels by the squares of their shares in it,
-    all in `OUTLIER`."""
+    """(...) misfit of p pixels of light (..., 3, p), which is written over, against the seen luma (p,).
+
+    The background is `behind` (3, p), white is (3, 1). Channels count by the squares of their shares in luma,
+    errors in `OUTLIER`.
+    """
     # In one array, and by functions that NumPy has vector instructions for: log1p has none.
     light += behind
     np.minimum(light, white, out=light)
@@ -223,7 +246,7 @@ def _misfit(light: Map, behind: Map, white: Map, seen: Map) -> Floats:
     # Cauchy's likelihood: a pixel that shows something else, such as a cord, does not decide alone.
     light *= light
     light += 1
-    # Of 16 factors of 26 at most, a float holds the product: one logarithm in place of 16.
+    # A float holds the product of 16 factors of 26 at most: one logarithm in place of 16.
     for _ in range(4):
         half, rest = divmod(light.shape[-1], 2)
         if rest:
@@ -235,24 +258,25 @@ def _misfit(light: Map, behind: Map, white: Map, seen: Map) -> Floats:
 
 @lru_cache
 def _between(count: int, every: int) -> tuple[Indices, Floats]:
-    """(c,) every so many-th of n values in a row, and the last one, and the matrix (n, c) that interpolates
-    between them."""
+    """Every so many-th of n values (c,), and the last one, and the matrix (n, c) of interpolation."""
     some = np.unique(np.append(np.arange(0, count, every), count - 1))
     return some, np.stack([np.interp(np.arange(count), some, one) for one in np.eye(len(some))], axis=1)
 
 
 def _bright(radiance: Floats, colour: Floats, core: Floats) -> Map:
-    """(..., 3) linear light of light sources of radiances and colours (..., 3), which a camera recorded as
-    `core` (..., 3): a channel that it did not clip is known, one that it clipped is no darker than that."""
+    """(..., 3) linear light of sources of radiances and colours (..., 3), recorded as `core` (..., 3).
+
+    An unclipped channel is known; a clipped one is at least its recorded value.
+    """
     expected = np.maximum(radiance * colour, core)
     return np.where(is_known(core), core, expected).astype(np.float32)
 
 
 def _inside(patches: Patches) -> Map:
-    """(k, FINER h, FINER w) how many pixels inside of the outlines of blobs in patches (h, w) places are,
-    negative outside: right from -1 on.
+    """(k, FINER h, FINER w) distance inside of the outlines of blobs in patches (h, w), in pixels.
 
-    An outline is that of a blob's pixels and half of those beside it, smoothed, or its ellipse.
+    It is negative outside, and exact from -1 on. An outline is that of a blob's pixels and half of those
+    beside it, smoothed, or its ellipse.
     """
     peak, ground = patches.light.max(axis=1), patches.ground.max(axis=1)
     share = np.clip((peak - ground) / np.maximum(1 - ground, 0.05), 0, 1)
@@ -267,8 +291,10 @@ def _inside(patches: Patches) -> Map:
 
 
 def _ellipses(outline: Mask) -> tuple[Map, Mask]:
-    """(k, h, w) parts of a pixel that places are inside of the ellipses with the moments of outlines
-    (k, h, w), in pixels, and which outlines (k,) are that."""
+    """(k, h, w) distance inside of the ellipses with the moments of outlines (k, h, w).
+
+    Distances are in parts of a pixel; also returns which outlines (k,) are elliptic.
+    """
     height, width = outline.shape[1:]
     shape = outline.astype(np.float32)
     # Around the middle of the patch, so that the products of floats are exact.

@@ -1,9 +1,9 @@
-"""A frame as surfaces before each other: what the actual camera sees, and what lies behind its silhouettes.
+"""A frame as surfaces in front of each other: the visible ones, and those behind its silhouettes.
 
-Shade, Gortler, He and Szeliski, "Layered depth images", 1998. Depths are given as disparities at the
-aperture's rim: how many pixels a virtual camera there sees a pixel beside its place, relative to the focal
-plane (inverse depth, less that of the focal plane, times aperture radius times focal length). So a bound in
-pixels means the same for any scene and aperture, and float32 is exact where the picture is sharp.
+Shade, Gortler, He and Szeliski, "Layered depth images", 1998. Depths are disparities at the aperture's rim:
+the displacement of a pixel in a virtual camera there, relative to the focal plane (inverse depth, less that
+of the focal plane, times aperture radius times focal length). A bound in pixels then means the same for any
+scene and aperture, and float32 is exact where the picture is sharp.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ the mesh there, 2 ** `quadtree.COARSEST_AT_SILHOUETTES`."""
 LEAST_SILHOUETTE = 32
 """Pixels of a silhouette that is left for the next split; fewer are noise. Chosen by inspection."""
 RISE = 0.5
-"""Of the least jump, by which a far surface may rise from a pixel to the next: diagonally it is half
-more, and still no jump."""
+"""Share of the least jump by which a far surface may rise from pixel to pixel: diagonally 1.5 times that,
+still no jump."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class LayeredDepthImage:
     front: LinearRGBA
     """(H, W, 4) what the actual camera sees; a mixed pixel has the near surface's part, and its alpha."""
     front_disparity: Map
-    """(H, W) disparity of what the actual camera sees, mixed pixels on the near surface."""
+    """(H, W) disparity of the visible surface; mixed pixels are on the near surface."""
     near_disparity: Map
     """(H, W) disparity of the near surface, extrapolated past its silhouettes."""
     is_far: Mask
@@ -85,13 +85,19 @@ def depth_peel(
     opacity: Map | None = None,
     far: Map | None = None,
 ) -> tuple[LayeredDepthImage, ...]:
-    """Split a picture (H, W, 4) with disparities (H, W) where they jump by more than the first of `jumps`,
-    in pixels, which fall, then what is left without the near surfaces at the next: where a silhouette crosses
-    another one there are three surfaces. Splits that find nothing are left out, but for the last. `opacity`
-    (H, W) in [0, 1] is that of what is in front where a matte tells it, NaN elsewhere; `far` (H, W) the
-    disparity of what lies behind, NaN where that is not known.
+    """Split a picture at the jumps of its disparity, the largest first.
 
-    Everitt, "Interactive order-independent transparency", 2001, peels surfaces off in the same order.
+    After each split, the far surface is split again at smaller jumps: where one silhouette crosses another
+    there are three surfaces. Splits without effect are left out, except the last. Everitt, "Interactive
+    order-independent transparency", 2001, peels surfaces in the same order.
+
+    Args:
+        picture: (H, W, 4).
+        disparity: (H, W).
+        jumps: In pixels, descending.
+        fill: Returns hidden colours.
+        opacity: (H, W) in [0, 1] of the front surface by a matte, NaN elsewhere.
+        far: (H, W) disparity of the background, NaN where it is unknown.
     """
     found: list[LayeredDepthImage] = []
     for jump in jumps:
@@ -111,11 +117,18 @@ def split(
     opacity: Map | None = None,
     far: Map | None = None,
 ) -> LayeredDepthImage:
-    """Split a picture (H, W, 4) with disparities (H, W) in two where they jump by more than `jump` pixels.
+    """Split a picture in two where its disparity jumps by more than `jump` pixels.
 
-    Jumps of more than `least` end what is extrapolated behind the same surface: they are left for later.
-    `fill` tells other frames' colours of what is disoccluded. `opacity` and `far` as of `depth_peel`: where
-    opacity is a fraction it is alpha, and both surfaces are seen through each other.
+    Jumps of more than `least` end the extrapolation behind the same surface: they are left for later.
+
+    Args:
+        picture: (H, W, 4).
+        disparity: (H, W).
+        jump: In pixels.
+        least: In pixels.
+        fill: Returns other frames' colours of disoccluded pixels.
+        opacity: As of `depth_peel`; a fraction is alpha, and both surfaces are visible.
+        far: As of `depth_peel`.
     """
     disparity = _without_ramps(disparity, jump)
     near_side, far_side = _silhouettes(disparity, jump)
@@ -146,7 +159,7 @@ def split(
     front[mixed, 3], front_disparity[mixed] = alpha, surfaces.near_disparity
     known = ~(beyond.occluded | sheer) | reprojected
     if opacity is not None and matte is not None and sheer.any():
-        # Of what is seen through, the pixel itself tells the colour behind.
+        # The colour behind a translucent pixel follows from the pixel.
         through = sheer & ~reprojected & (matte < MOST_THROUGH)
         near = inpainted(_colour(picture), opacity >= 1 - FAINTEST)
         colour[through] = behind(picture[through, :3], matte[through], near[through])
@@ -167,8 +180,11 @@ def split(
 
 
 def _matte(opacity: Map, disparity: Map, surfaces: Surfaces, jump: float) -> Map:
-    """(H, W) alpha of the near surface by a matte's opacity (H, W): where that is a fraction, and in the
-    pixels beside; NaN elsewhere, and where the near surface is not what the matte is of."""
+    """(H, W) alpha of the near surface by a matte's opacity (H, W).
+
+    It covers fractions and the pixels beside them; it is NaN elsewhere, and where the near surface is not the
+    matte's.
+    """
     covered = opacity > FAINTEST
     if not covered.any():
         return np.full(opacity.shape, np.nan, np.float32)
@@ -243,9 +259,11 @@ def _extrapolated(
     sheer: Mask,
     known: Map | None,
 ) -> _Extrapolated:
-    """The surfaces of the nearest silhouette at each pixel; `away` (H, W) is how far the others are, and
-    behind what is `sheer` (H, W) the far surface is seen however far the silhouette is. `known` (H, W) tells
-    that surface's disparities where it is not NaN."""
+    """The surfaces of the nearest silhouette at each pixel.
+
+    `away` (H, W) is the distance of other silhouettes; behind `sheer` pixels (H, W) the far surface is
+    visible at any distance. `known` (H, W) has its disparities, NaN where they are unknown.
+    """
     seeds = np.zeros(disparity.shape, bool)
     near, far = disparity.copy(), disparity.copy()
     if not len(surfaces.row):
@@ -288,10 +306,9 @@ def _beside(disparity: Map, among: Mask, jump: float) -> Mask:
 
 
 def _rising(behind: Map, disparity: Map, occluded: Mask, seeds: Mask, jump: float, slope: float) -> Map:
-    """(H, W) a far surface that comes up to the near one, by `slope` pixels of disparity a pixel, where it
-    ends.
+    """(H, W) a far surface that rises to the near one where it ends, by `slope` pixels of disparity a pixel.
 
-    A jump there would be taken for one more silhouette.
+    A jump there would be taken for another silhouette.
     """
     highest = cv2.dilate(np.where(occluded, disparity, -np.inf), np.ones((3, 3), np.uint8))
     rim = ~occluded & ~seeds & np.isfinite(highest) & (disparity >= highest - jump)
@@ -302,7 +319,7 @@ def _rising(behind: Map, disparity: Map, occluded: Mask, seeds: Mask, jump: floa
 
 
 def _smoothed(disparity: Map, among: Mask, changed: Mask, jump: float) -> Map:
-    """Disparities (H, W), those that were extrapolated as the mean of what was around them."""
+    """Disparities (H, W) with extrapolated ones replaced by the mean around them."""
     mean = cv2.blur(np.where(among, disparity, 0), (5, 5)) / np.maximum(
         cv2.blur(among.astype(np.float32), (5, 5)), 1e-9
     )

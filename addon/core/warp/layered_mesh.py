@@ -29,20 +29,20 @@ HALFWAY = (_LANCZOS / _LANCZOS.sum()).astype(np.float32)
 TILE = 64
 """Pixels across the tiles of a front that are refined or left empty: the coarsest cell of the mesh."""
 SPARE = 16
-"""Pixels around what is drawn of a front that are refined, too: whoever blurs its texture looks so far. An
-aperture's disc of 96 pixels in 16 views has footprints of 12."""
+"""Pixels around the drawn part of a front that are refined, too, for the filter of its texture: an aperture's
+disc of 96 pixels in 16 views has footprints of 12."""
 ERROR = 0.33
 """Pixels by which a view may see a place of the mesh beside where its depth puts it. Chosen by inspection,
 with bars and foreground of `python -m benchmarks.accuracy`: a third of a pixel of noise is no silhouette."""
 RELATIVE_ERROR = 0.03
-"""Of the blur's radius at a place, by which a view may see it yet farther off. Chosen by inspection."""
+"""Error of a place in a view, as a share of its blur radius. Chosen by inspection."""
 JUMP = 0.19
-"""Of the largest blur's radius, by which neighbours must be displaced apart to be cut. Chosen by
-inspection."""
+"""Difference of displacement from which neighbours are cut apart, as a share of the largest blur radius.
+Chosen by inspection."""
 JUMP_BOUNDS = (1.0, 3.0)
 """Pixels: least and largest such displacement, whatever the blur is. Chosen by inspection."""
 WIDEST = 0.25
-"""Of the long side; surfaces displaced farther from the focal plane than that come back to it. Chosen by
+"""Share of the long side; surfaces displaced farther from the focal plane return to it. Chosen by
 inspection."""
 
 
@@ -51,8 +51,8 @@ class LayeredMeshOptions:
     """How exact a layered mesh is, and where it is cut."""
 
     first_jump: float = 0.5
-    """Of the largest blur's radius, outliers left out, by which neighbours are cut first, so that three
-    surfaces can meet. By `python -m benchmarks.accuracy`: fence has 35.1 instead of 33.8 dB (32 px, true
+    """Share of the largest blur radius, without outliers, at which neighbours are cut first, so that three
+    surfaces can meet. By `python -m benchmarks.accuracy`, fence has 35.1 instead of 33.8 dB (32 px, true
     depth), walk 42.1 instead of 41.6, with 3.6 instead of 13.0 % of the grid's triangles."""
     largest_texture: int = 8_000_000
     """Texels; a texture that would be larger stays as coarse as the frame, as from about 1280x720 on. Once it
@@ -70,16 +70,23 @@ def layer_mesh(
     memory: ReusedMemory | None = None,
     beyond: float = 0.0,
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
-    """The mesh of a picture seen through a thin lens, its texture (h, w, 4), and the layers, near ones first.
+    """Make the mesh of a picture seen through a thin lens.
 
-    `picture` (H, W, 4) is what the canvas shows, linear and premultiplied; `depth` that of every pixel of it,
-    and past its border, as it is (not `ThinLens.untilted`). The lens says by how many pixels views displace
-    what; the mesh's inverse depths are its `untilted`. The mesh reaches as far past the picture's border as
-    views of that lens see, or `beyond` pixels farther, if a camera looks elsewhere. `hidden` tells other
-    frames' colours for what the picture does not show, so also past the border; None makes them up from
-    beside. The texture lies in `memory`, by default in its own.
+    Triangles are ordered from far to near (Shade et al., "Layered depth images", 1998). The mesh reaches past
+    the border as far as views see.
 
-    Triangles are ordered from far to near (Shade et al., "Layered depth images", 1998).
+    Args:
+        picture: (H, W, 4) linear and premultiplied, shown by the canvas.
+        depth: Depth of its pixels, and past its border, not `ThinLens.untilted`.
+        thin_lens: Gives the displacement of pixels in views; the mesh's inverse depths are its `untilted`.
+        hidden: Returns other frames' colours for hidden pixels, also past the border; without it they are
+            extended from beside.
+        options: Limits.
+        memory: Memory of the texture; its own by default.
+        beyond: More pixels past the border, for a camera with another view.
+
+    Returns:
+        The mesh, its texture (h, w, 4), and the layers, near ones first.
     """
     reach, focus = WIDEST * max(picture.shape[:2]), thin_lens.disparity_scale * thin_lens.focus
     fill = None if hidden is None else _fill_of(hidden, picture, thin_lens)
@@ -101,11 +108,11 @@ def layer_mesh(
         checkpoint(0.05)
         margin_reprojected = _fill_margin(wide, shift, margin, past, fill)
     checkpoint(0.1)
-    # What is just outside does not say how the picture is split.
+    # Pixels outside do not decide how the picture is split.
     own = np.abs(shift[margin:-margin, margin:-margin])
     largest = float(own.max())
     jump = float(np.clip(JUMP * largest, *JUMP_BOUNDS))
-    # A few wrong depths must not say what is large.
+    # A few wrong depths must not decide the largest jump.
     typical_largest = float(np.percentile(own[::4, ::4], 99.9))
     first = options.first_jump * typical_largest
     jumps = (first, jump) if first > jump else (jump,)
@@ -142,8 +149,7 @@ def layer_mesh(
 
 
 def _fill_of(hidden: HiddenColours, picture: LinearRGBA, thin_lens: ThinLens) -> Fill:
-    """Hidden colours as a raster around the picture (H, W, 4) asks for them: by disparity relative to that of
-    the focal plane."""
+    """Hidden colours for a raster around the picture (H, W, 4), by disparity relative to the focal plane."""
 
     def fill(disparity: Map, wanted: Mask) -> tuple[LinearRGB, Mask]:
         row, column = np.nonzero(wanted)
@@ -158,8 +164,10 @@ def _fill_of(hidden: HiddenColours, picture: LinearRGBA, thin_lens: ThinLens) ->
 
 
 def _visible_margin(past: Map | None, shape: tuple[int, ...]) -> int:
-    """Pixels past the border of a picture (h, w) up to which views see what is known there: disparities
-    (h + 2 m, w + 2 m), NaN where they are not."""
+    """Pixels past the border of a picture (h, w) that views see and that are known.
+
+    Disparities (h + 2 m, w + 2 m) are NaN where they are unknown.
+    """
     if past is None:
         return 0
     away = (
@@ -173,10 +181,10 @@ def _visible_margin(past: Map | None, shape: tuple[int, ...]) -> int:
 
 
 def _fill_margin(wide: LinearRGBA, shift: Map, margin: int, past: Map | None, fill: Fill) -> Mask:
-    """Write what other frames saw past the border into a picture (H, W, 4) and its disparities (H, W), both
-    with a `margin` of pixels; returns where (H, W) its colour is known.
+    """Write other frames' colours past the border into a picture; returns the pixels (H, W) with a colour.
 
-    Where they know disparity, `past` (h, w) in the same middle, but no colour at it, what was there stays.
+    Picture (H, W, 4) and disparities (H, W) have a `margin`. Pixels with a known disparity, `past` (h, w)
+    with the same centre, but without a colour are unchanged.
     """
     border = np.ones(shift.shape, bool)
     border[margin:-margin, margin:-margin] = False
@@ -196,8 +204,13 @@ def triangulated(
     snap: Callable[[Map], Map],
     options: LayeredMeshOptions,
 ) -> list[tuple[Surfaces, Triangles]]:
-    """The surfaces (h, w) of each layered depth image where `snap` draws them, and their triangles;
-    disparities in pixels are relative to the focal plane."""
+    """Return the surfaces of each layered depth image and their triangles.
+
+    Args:
+        layers: The images.
+        snap: Maps disparities (h, w), in pixels relative to the focal plane, to drawn ones.
+        options: Limits.
+    """
     error: Map = np.asarray(ERROR + RELATIVE_ERROR * np.abs(layers[-1].back_disparity))
     jobs = []
     for split in layers:
@@ -208,7 +221,7 @@ def triangulated(
         )  # fmt: skip
         # Snapping can double what neighbours differ by.
         jobs.append((made, 2 * split.jump, error))
-        # What is left is a guess here, or cannot be seen.
+        # The rest is a guess here, or cannot be seen.
         error = error.copy()
         error[split.occluded & ~split.disoccluded] = np.inf
         error[split.disoccluded] *= np.float32(DISOCCLUDED_ERROR)
@@ -221,9 +234,9 @@ def _texture(
 ) -> LinearRGBA:
     """(n h, w, 4) n - 1 fronts above each other and the last of n pictures (H, W, 4), twice as fine.
 
-    Each is interpolated where it is smooth: a front is what its fine picture has more than the next one
-    behind it. Interpolated by itself it would ring along every silhouette, where it ends. Away from where
-    they are `drawn` (H, W) fronts are left empty.
+    Each is interpolated where it is smooth: a front is the difference of its fine picture from the next one
+    behind it. Interpolated alone it would ring along every silhouette, where it ends. Fronts are empty where
+    they are not `drawn` (H, W).
     """
     height, width = (FINER * n for n in pictures[0].shape[:2])
     texture = memory.zeros((len(pictures), height, width, 4))
@@ -259,10 +272,9 @@ def _spans(mask: Mask) -> list[tuple[slice, slice]]:
 
 
 def _refine(picture: LinearRGBA, texture: LinearRGBA, span: tuple[slice, slice]) -> None:
-    """Write rows and columns of a picture (H, W, c) twice as fine into (2 H, 2 W, c): its pixels are every
-    second one.
+    """Write rows and columns of a picture (H, W, c), twice as fine, into (2 H, 2 W, c).
 
-    What is between is Lanczos' interpolation, and not negative.
+    Every second pixel is its own, the others are Lanczos' interpolation, and not negative.
     """
     checkpoint(0.9)
     reach = len(HALFWAY) // 2
@@ -281,8 +293,7 @@ def _refine(picture: LinearRGBA, texture: LinearRGBA, span: tuple[slice, slice])
 def _subtract_behind(
     part: LinearRGBA, behind: LinearRGBA, alpha: Map, spans: list[tuple[slice, slice]]
 ) -> None:
-    """Leave of a fine picture (2 H, 2 W, 4) what a front of opacity (H, W) has more than what is behind, in
-    rows and columns of it."""
+    """Subtract the picture behind from a fine front (2 H, 2 W, 4) of opacity (H, W), in rows and columns."""
     clear = cv2.erode(alpha, np.ones((2, 2), np.uint8), anchor=(0, 0)) < 1
     within = np.zeros_like(clear)
     for span in spans:
@@ -304,10 +315,12 @@ def _subtract_behind(
 
 
 def _joined(surfaces: list[tuple[Map, Ints, int]], margin: int, focus: float, scale: float) -> WarpMesh:
-    """One mesh of surfaces, each disparities (H, W), triangles (T, 3) of pixels, and which of the pictures
-    below each other in the texture is painted on it; the first one is whole. Their raster is `margin` pixels
-    larger than the canvas on every side; disparity, and that of the focal plane, which theirs is relative to,
-    are inverse depth over `scale`."""
+    """One mesh of surfaces on a texture with pictures below each other.
+
+    Each surface has disparities (H, W), triangles (T, 3) of pixels, and the number of its picture; the first
+    one has no holes. The raster is `margin` pixels larger than the canvas on every side. Disparity, relative
+    to that of the focal plane, is inverse depth over `scale`.
+    """
     height, width = surfaces[0][0].shape
     xy, texture, inverse, triangles = [], [], [], []
     first = 0
@@ -323,7 +336,7 @@ def _joined(surfaces: list[tuple[Map, Ints, int]], margin: int, focus: float, sc
         first += len(used)
     checkpoint(0.85)
     depth, joined = np.concatenate(inverse), np.concatenate(triangles)
-    # What may be half covered comes last; whole triangles hide it where they are nearer.
+    # Half covered triangles come last; nearer opaque triangles hide them.
     last = np.arange(len(joined)) >= len(triangles[0])
     order = np.lexsort((depth[joined].min(axis=1), last))
     return WarpMesh(np.concatenate(xy), np.concatenate(texture), depth, joined[order].astype(np.int32))

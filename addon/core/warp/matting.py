@@ -27,13 +27,13 @@ THIN_PIXELS = 6
 THIN_RADIUS = 7
 """Pixels along something thin from which its colour is taken."""
 REPROJECTED_RESIDUAL = 0.05
-"""Distance of colours (linear light) by which what other frames saw may explain a mixed pixel worse than
-what is beside it. By eye; with other frames' colours blocks go from 77 to 80 % of the gap closed to the
-oracle at edges (32 px, true depth)."""
+"""Distance of colours (linear light) by which other frames' background may explain a mixed pixel worse than
+the pixels beside it. With other frames' colours blocks go from 77 to 80 % of the gap to the oracle at edges
+(32 px, true depth)."""
 MOST_THROUGH = 0.5
-"""Alpha of a given matte from which on a pixel tells nothing of the colour behind it."""
+"""Alpha of a given matte from which a pixel has no evidence about the colour behind it."""
 LEAST_CONTRAST = 0.02
-"""Distance of two colours (linear light) from which on they tell a mixed pixel's alpha."""
+"""Distance of two colours (linear light) from which they determine a mixed pixel's alpha."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Surfaces:
     far_disparity: Floats
     """(n,) of the far surface, in pixels."""
     alpha: Floats
-    """(n,) of the near surface, as far as depth tells: 0 or 1."""
+    """(n,) alpha of the near surface by depth alone: 0 or 1."""
     exists: Mask
     """(n,) whether there is a near surface: of something thin, too few pixels may be near each other."""
 
@@ -68,7 +68,7 @@ def surfaces_beside(picture: LinearRGBA, disparity: Map, mixed: Mask, jump: floa
     own = disparity[row, column]
     low, high = _extremes(disparity, row, column)
     middle = np.float32(0.5) * (high + low)
-    # What is nearer or farther still belongs to a third surface.
+    # Still nearer or farther pixels belong to a third surface.
     bounds = np.stack([low - np.float32(jump), middle, high + np.float32(jump)])
     radius = SEARCH_RADIUS
     sides = _sums(picture, disparity, ~mixed, row, column, bounds, radius)
@@ -87,7 +87,7 @@ def surfaces_beside(picture: LinearRGBA, disparity: Map, mixed: Mask, jump: floa
     )
     exists = np.ones(len(row), bool)
     exists[thin] = count >= THIN_PIXELS
-    # That something thin is there at all, only its colour tells.
+    # Thin objects are known by their colour alone.
     alpha = ((own > middle) & ~thin).astype(np.float64)
     return Surfaces(
         row, column, near, far, near_variance, far_variance, near_disparity, far_disparity, alpha, exists
@@ -95,8 +95,14 @@ def surfaces_beside(picture: LinearRGBA, disparity: Map, mixed: Mask, jump: floa
 
 
 def with_reprojected(surfaces: Surfaces, colour: LinearRGB, far: LinearRGB, known: Mask) -> Surfaces:
-    """Surfaces beside n pixels, with the far one's own colours (n, 3) where they are known (n,), and explain
-    the pixels' colours (n, 3) as well as those beside."""
+    """Return surfaces with the far one's colours (n, 3) from other frames, where these are as good.
+
+    Args:
+        surfaces: Surfaces beside n pixels.
+        colour: (n, 3) the pixels.
+        far: (n, 3) the other frames' colours.
+        known: (n,) pixels that have them.
+    """
 
     def unexplained(far: Floats | LinearRGB) -> Floats:
         alpha = np.clip(_on_line(colour, surfaces.near, far), 0, 1)[:, None]
@@ -114,17 +120,23 @@ def _on_line(colour: LinearRGB, near: Floats, far: Floats | LinearRGB) -> Floats
 
 
 def matted(colour: LinearRGB, surfaces: Surfaces) -> tuple[Map, LinearRGB, LinearRGB]:
-    """Alpha (n,) of the near surface in n mixed pixels (n, 3), its premultiplied colour (n, 3), and the far
-    surface's colour (n, 3).
+    """Divide mixed pixels between the two surfaces beside them.
 
-    A pixel on the line between the colours of both surfaces beside it has its alpha by where it lies there
-    (Ruzon and Tomasi, "Alpha estimation in natural images", 2000). Whatever alpha is, both surfaces together
-    are the pixel as it was.
+    Alpha follows from the position of a pixel's colour on the line between the colours of both surfaces
+    (Ruzon and Tomasi, "Alpha estimation in natural images", 2000). Both surfaces together always give the
+    pixel.
+
+    Args:
+        colour: (n, 3) the pixels.
+        surfaces: The surfaces.
+
+    Returns:
+        Alpha (n,) of the near surface, its premultiplied colour (n, 3), and the far surface's colour (n, 3).
     """
     far = surfaces.far
     length = ((surfaces.near - far) ** 2).sum(axis=1)
     alpha = _on_line(colour, surfaces.near, far)
-    # Where the surfaces look alike, or each of many colours, the depth alone tells.
+    # Where the surfaces look alike, or have many colours each, alpha follows from depth.
     spread = VARIANCE_WEIGHT * (surfaces.near_variance + surfaces.far_variance)
     trust = length / (length + LEAST_CONTRAST**2 + spread)
     alpha = np.clip(trust * alpha + (1 - trust) * surfaces.alpha, 0, 1) * surfaces.exists
@@ -133,23 +145,28 @@ def matted(colour: LinearRGB, surfaces: Surfaces) -> tuple[Map, LinearRGB, Linea
 
 
 def behind(colour: LinearRGB, alpha: Map, near: LinearRGB) -> LinearRGB:
-    """The colour (n, 3) of the far surface in n pixels (n, 3) that a near one of a colour (n, 3) covers by
-    alpha (n,), below 1."""
+    """Return the far surface's colour (n, 3) in n pixels that a near one covers by alpha, below 1.
+
+    Args:
+        colour: (n, 3) the pixels.
+        alpha: (n,).
+        near: (n, 3) colour of the near surface.
+    """
     share = alpha[:, None]
     return np.asarray(np.maximum(colour - share * near, 0) / (1 - share), np.float32)
 
 
 def corrected(colour: LinearRGB, alpha: Map, near: LinearRGB, far: LinearRGB) -> LinearRGB:
-    """Correct a background's colour that other frames saw by the pixel itself.
+    """Correct a background's colour from other frames by the pixel itself.
 
-    What they did not see is then part of the background where the foreground covers little: a crowd moves,
-    and other frames are registered to a pixel or two.
+    A difference is then part of the background where the foreground covers little: a crowd moves, and other
+    frames are registered to a pixel or two.
 
     Args:
         colour: (n, 3) the pixels.
         alpha: (n,) of the foreground.
         near: (n, 3) expected colour of the foreground.
-        far: (n, 3) colour of the background as other frames saw it.
+        far: (n, 3) colour of the background from other frames.
 
     Returns:
         (n, 3) the most likely colour of the background, if both have errors, by `SEEN_DOUBT`.
@@ -161,8 +178,16 @@ def corrected(colour: LinearRGB, alpha: Map, near: LinearRGB, far: LinearRGB) ->
 
 
 def parted(colour: LinearRGB, alpha: Map, far: Floats | LinearRGB) -> tuple[LinearRGB, LinearRGB]:
-    """The premultiplied colour (n, 3) of the near surface, of alpha (n,) in n pixels (n, 3), and the colour
-    (n, 3) of the far one, which is expected to be `far` (n, 3): together they are the pixel as it was."""
+    """Return the colours of both surfaces, which together give the pixel.
+
+    Args:
+        colour: (n, 3) the pixels.
+        alpha: (n,) of the near surface.
+        far: (n, 3) expected colour of the far one.
+
+    Returns:
+        The premultiplied colour (n, 3) of the near surface, and the colour (n, 3) of the far one.
+    """
     front = np.maximum(colour - (1 - alpha)[:, None] * far, 0)
     # Where the pixel is darker than the far surface's share alone, that is darker there, too.
     far = np.minimum(far, colour / np.maximum(1 - alpha, 1e-6)[:, None])
@@ -178,10 +203,10 @@ def _thin(
     jump: float,
     radius: int,
 ) -> tuple[Floats, Floats, Floats]:
-    """(n, 3) the colour of something so thin that no pixel is its own: the mean along it; (n,) its variance;
-    (n,) of how many pixels, within a radius around n rows and columns.
+    """Colour (n, 3), its variance (n,), and the number (n,) of pixels of thin objects.
 
-    `near` (n,) is its disparity. A single pixel of it may show more of what is behind.
+    Their pixels are all mixed: colours are means along the object within a radius around n rows and columns,
+    as a single pixel may show more of the background. `near` (n,) is their disparity.
     """
     offset = np.arange(-radius, radius + 1)
     y = np.clip(row[:, None, None] + offset[:, None], 0, disparity.shape[0] - 1)
@@ -208,9 +233,11 @@ class _Sums:
         return np.asarray(self.sums[0])
 
     def means(self, colour: LinearRGB, disparity: Map, otherwise: Map) -> tuple[Floats, Floats, Floats]:
-        """(n, 3) and (n,) means of colours and disparities, and (n,) the colours' variance; without any pixel
-        the disparity is `otherwise` (n,), and the colour black. `colour` (n, 3) and `disparity` (n,) are the
-        mixed pixels' own."""
+        """Return means (n, 3) and (n,) of colours and disparities, and the variance (n,) of colours.
+
+        Without pixels the disparity is `otherwise` (n,), and the colour black. `colour` (n, 3) and
+        `disparity` (n,) are the mixed pixels' own.
+        """
         some = self.weight > 0
         mean = self.sums[1:].astype(np.float64) / np.where(some, self.weight, 1)
         variance = np.maximum(mean[3] - (mean[:3] ** 2).sum(axis=0), 0)
@@ -219,7 +246,7 @@ class _Sums:
 
 
 def _neighbours(row: Indices, column: Indices, dy: int, dx: int, shape: tuple[int, ...]) -> Indices:
-    """(n,) indices in a raveled raster of what is beside pixels; past its border, those at it."""
+    """(n,) indices in a raveled raster of pixels' neighbours; past its border, the pixels at it."""
     return np.clip(row + dy, 0, shape[0] - 1) * shape[1] + np.clip(column + dx, 0, shape[1] - 1)
 
 

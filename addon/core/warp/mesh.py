@@ -76,8 +76,16 @@ def feature_mesh(features: DepthSamples, canvas: Canvas, margin: float) -> WarpM
 
 
 def nearest_mean(places: Floats, values: Floats, wanted: Floats, count: int = 6) -> Floats:
-    """(k,) mean of the `count` values (n,) at places (n, 2) nearest to each wanted place (k, 2), by the
-    inverse of the squared distance (Shepard, "A two-dimensional interpolation function", 1968)."""
+    """Return the mean (k,) of the values nearest to each wanted place, by inverse squared distance.
+
+    Shepard, "A two-dimensional interpolation function", 1968.
+
+    Args:
+        places: (n, 2).
+        values: (n,).
+        wanted: (k, 2) places.
+        count: Number of values.
+    """
     squared = ((wanted[:, None, :] - places[None, :, :]) ** 2).sum(axis=2)
     count = min(count, len(places))
     nearest = np.argpartition(squared, count - 1, axis=1)[:, :count]
@@ -137,8 +145,11 @@ def _key(xy: Map) -> NDArray[np.complex128]:
 
 
 def distinct(features: DepthSamples, canvas: Canvas) -> Ints:
-    """(k,) rows of the features inside the canvas whose depth is known, one a half-pixel cell; UserError
-    where too few are left."""
+    """Return the rows (k,) of features with a depth inside the canvas, one in each half-pixel cell.
+
+    Raises:
+        UserError: Too few are left.
+    """
     size = np.array([canvas.pinhole.width, canvas.pinhole.height])
     edge = 0.5
     inside = np.all((features.observed > edge) & (features.observed < size - edge), axis=1)

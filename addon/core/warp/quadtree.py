@@ -35,11 +35,12 @@ class Surfaces:
     """Two surfaces on a raster, their depths all in one unit, whatever it is."""
 
     own: Map
-    """(H, W) depth of what is seen; mixed pixels are on the near surface."""
+    """(H, W) depth of the visible surface; mixed pixels are on the near surface."""
     near: Map
-    """(H, W) depth of the near surface, extrapolated past silhouettes; elsewhere that of what is seen."""
+    """(H, W) depth of the near surface, extrapolated past silhouettes; elsewhere that of the visible one."""
     far: Map
-    """(H, W) depth of the far surface, extrapolated behind the near one; elsewhere that of what is seen."""
+    """(H, W) depth of the far surface, extrapolated behind the near one; elsewhere that of the visible
+    one."""
     mixed: Mask
     """(H, W) mixed pixels: those of silhouettes."""
     is_far: Mask
@@ -57,7 +58,7 @@ class Triangles:
     near: Ints
     """(T, 3) of the near surface before it."""
     cut: Ints
-    """(T, 3) of what is seen, where no two surfaces are enough."""
+    """(T, 3) triangles of the visible surface where two surfaces do not suffice."""
     before: Mask
     """(H, W) the pixels that the near surface's triangles cover, their rim included."""
 
@@ -106,8 +107,10 @@ def triangulate(surfaces: Surfaces, jump: float, error: float | Map) -> Triangle
 
 
 def _padded(surfaces: Surfaces, coarsest: int) -> Surfaces:
-    """Surfaces with sides that are multiples of the coarsest cell's, and one more: cells reach past the
-    border, where surfaces go straight on."""
+    """Surfaces extended to multiples of the coarsest cell's side, plus one.
+
+    Cells reach past the border, where surfaces continue straight on.
+    """
     height, width = surfaces.own.shape
     rows, columns = (-(-(n - 1) >> coarsest) << coarsest for n in (height, width))
     beyond = ((0, rows + 1 - height), (0, columns + 1 - width))
@@ -160,16 +163,17 @@ def _any(mask: Mask) -> Mask:
 
 
 def _allowed(error: float | Map, shape: tuple[int, int], cells: tuple[int, ...]) -> Map:
-    """(H - 1, W - 1) the error allowed in each cell a pixel wide, past the picture's (H, W) border as at
-    it."""
+    """(H - 1, W - 1) the allowed error of each cell a pixel wide, constant past the border (H, W)."""
     beyond = [(0, n + 1 - size) for n, size in zip(cells, shape, strict=True)]
     whole = np.pad(np.broadcast_to(np.asarray(error, np.float32), shape), beyond, mode="edge")
     return _of_corners(whole, np.minimum)
 
 
 def _split(raster: Surfaces, whole: Mask, error: Map) -> list[Mask]:
-    """For each level the cells (R, C) that need finer ones; `whole` (H - 1, W - 1) tells which of those a
-    pixel wide are connected, `error` (H - 1, W - 1) what they may miss."""
+    """For each level the cells (R, C) that need finer ones.
+
+    `whole` (H - 1, W - 1) marks connected cells a pixel wide, `error` (H - 1, W - 1) is their allowed error.
+    """
     split = [np.zeros_like(whole)]
     doubled = _any((raster.near != raster.far) & ~raster.is_far)
     silhouette = ~whole
@@ -209,8 +213,10 @@ def _split(raster: Surfaces, whole: Mask, error: Map) -> list[Mask]:
 
 
 def _worst(depth: Map, weight: Map | None, cells: tuple[Indices, ...], level: int) -> Map:
-    """(n,) by how much a cell's two triangles, or any fan of its sides' middles, miss the depths within it,
-    times what each of those counts (H, W)."""
+    """(n,) largest error of a cell's two triangles, or of a fan of its sides' middles.
+
+    Errors are those of the depths within the cell, times their weights (H, W).
+    """
     if not len(cells[0]):
         return np.zeros(0, np.float32)
     size = 1 << level
@@ -236,8 +242,7 @@ def _worst(depth: Map, weight: Map | None, cells: tuple[Indices, ...], level: in
 
 
 def _blocks[T: np.generic](raster: NDArray[T], size: int) -> NDArray[T]:
-    """(R, C, size + 1, size + 1) the pixels of each cell of a raster (H, W), its rim shared with the cells
-    beside."""
+    """(R, C, size + 1, size + 1) pixels of each cell of a raster (H, W), with a shared rim."""
     return np.lib.stride_tricks.sliding_window_view(raster, (size + 1, size + 1))[::size, ::size]
 
 
@@ -279,7 +284,7 @@ def _squares(leaf: Mask, width: int) -> Ints:
 
 
 def _held(leaf: Mask, depth: Map, jump: float) -> Ints:
-    """Of cells (H - 1, W - 1) a pixel wide the triangles (T, 3) of three connected pixels, and of four."""
+    """Triangles (T, 3) of connected pixels in cells (H - 1, W - 1) a pixel wide, three or four of them."""
     width = depth.shape[1]
     row, column = np.nonzero(leaf)
     corner = (row * width + column)[:, None] + [0, 1, width, width + 1]

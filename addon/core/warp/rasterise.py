@@ -1,9 +1,9 @@
-"""What a mesh says at every pixel.
+"""Rasterisation of a mesh's values.
 
-`cv2.triangleRasterizeDepth` does not do here. It takes the same values 4 to 20 times faster, but without any
-tolerance and in float32: of meshes whose vertices are middles of pixels, as layers' are, it leaves holes and
-shows the far surface at 437 of 960x720 pixels. Drawn four times, moved by a thousandth of a pixel each, it is
-whole and off by up to 1e-4, and no longer faster than this where triangles are small (57 ms for 8,064).
+`cv2.triangleRasterizeDepth` is 4 to 20 times faster, but has no tolerance and works in float32: for meshes
+with vertices in the middles of pixels, as layers have, it leaves holes and shows the far surface at 437 of
+960x720 pixels. Drawn four times, moved by a thousandth of a pixel each, it has no holes and errors up to
+1e-4, but is not faster where triangles are small (57 ms for 8,064).
 """
 
 from __future__ import annotations
@@ -55,8 +55,11 @@ def _draw(
     high: Ints,
     size: int,
 ) -> None:
-    """Draw into a raveled picture n triangles (n, 3, 2) with values (n, 3), twice their areas (n,), and first
-    and last column and row (n, 2) of pixels, at most size x size of them each."""
+    """Draw n triangles into a raveled picture.
+
+    Triangles (n, 3, 2) have values (n, 3), twice their areas (n,), and first and last column and row (n, 2);
+    each has at most size x size pixels.
+    """
     step = np.arange(size)
     x, y = low[:, 0, None, None] + step, low[:, 1, None, None] + step[:, None]
     inside = (x <= high[:, 0, None, None]) & (y <= high[:, 1, None, None])

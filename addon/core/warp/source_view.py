@@ -1,4 +1,4 @@
-"""What another frame sees of places that a frame knows the depth of, and of what colour."""
+"""Another frame's view of places of known depth in a frame, and its colours there."""
 
 from __future__ import annotations
 
@@ -44,15 +44,18 @@ class Places:
 
 @dataclass(frozen=True)
 class Reprojection:
-    """Where another camera sees what a pinhole sees: the plane at infinity's homography, plus parallax
-    (Irani and Anandan, "A unified approach to moving object detection in 2D and 3D scenes", 1998)."""
+    """The places of a pinhole's pixels in another camera.
+
+    The homography of the plane at infinity, plus parallax (Irani and Anandan, "A unified approach to moving
+    object detection in 2D and 3D scenes", 1998).
+    """
 
     homography: Map
     """(3, 3) homogeneous pixels of the other camera of those at infinity; if its lens is distorted, rays."""
     parallax: Map
     """(3,) what is added to those for an inverse depth of one."""
     camera: Intrinsics
-    """Of the other camera."""
+    """The other camera."""
 
     @classmethod
     def between(cls, image: Image, pinhole: Intrinsics, other: Image, camera: Intrinsics) -> Reprojection:
@@ -63,8 +66,10 @@ class Reprojection:
         return cls(homography.astype(np.float32), (there @ translation).astype(np.float32), camera)
 
     def __call__(self, places: Places) -> tuple[Map, Map, Map]:
-        """(n,) x and y in pixels of the other picture, NaN behind that camera, and depth over the depth in
-        the pinhole."""
+        """Return x and y (n,) in pixels of the other picture, and the ratio (n,) of both depths.
+
+        They are NaN behind the other camera.
+        """
         x, y, ratio = (
             row[0] * places.x + row[1] * places.y + (row[2] + parallax * places.inverse)
             for row, parallax in zip(self.homography, self.parallax, strict=True)
@@ -84,7 +89,7 @@ class SourceView:
     frame: int
     """Number of the source frame."""
     reprojection: Reprojection
-    """Where it sees what the frame that asks sees."""
+    """Gives the frame's pixels in the other picture."""
     picture: LinearRGB
     """(h, w, 3) its picture, at any size."""
     hides: Map
@@ -93,8 +98,10 @@ class SourceView:
     """(3,) by how much the frame that asks is brighter."""
 
     def colours(self, places: Places) -> Map:
-        """(3, n) linear colours of places of the frame that asks, as bright as that; infinite where it does
-        not see them."""
+        """Return the linear colours (3, n) of places of the frame, matched to its brightness.
+
+        They are infinite where the other frame does not see them.
+        """
         x, y, ratio = self.reprojection(places)
         height, width = self.hides.shape
         inside = np.flatnonzero((x >= 0.5) & (x <= width - 0.5) & (y >= 0.5) & (y <= height - 0.5))

@@ -1,4 +1,4 @@
-"""The Clip panel: what another program solved of it, and where its files are."""
+"""The Clip panel: imports of other programs' solves, and the paths of files."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class VIRTUAL_APERTURE_PT_import(ClosedPanel, bpy.types.Panel):  # noqa: N801
         if import_solve.solved_clips():
             layout.operator_menu_enum(movie_clip, "clip", icon="TRACKING")
         elif bpy.data.movieclips:
-            # Disabled, and says why.
+            # Disabled, with the reason.
             layout.operator(movie_clip, icon="TRACKING")
         layout.operator(import_solve.VIRTUAL_APERTURE_OT_use_scene_camera.bl_idname, icon="CAMERA_DATA")
 

@@ -36,7 +36,7 @@ class VIRTUAL_APERTURE_PT_focus(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
 
 def _draw_distance(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """The focus distance, as a length where the scale is given; what is keyed is the same number."""
+    """Draw the focus distance, as a length if the scale is given; keys belong to the same property."""
     if not settings.metres_per_unit > 0:
         layout.prop(settings, "focus_distance", text="Distance")
         return

@@ -1,4 +1,4 @@
-"""The Lens panel: presets, scale, the shape of the aperture, and the light of what is clipped."""
+"""The Lens panel: presets, scale, the shape of the aperture, and clipped highlights."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class VIRTUAL_APERTURE_PT_lens(ClosedPanel, bpy.types.Panel):  # noqa: N801
 def draw_bokeh(
     layout: bpy.types.UILayout, context: bpy.types.Context, shape: bpy.types.PropertyGroup
 ) -> None:
-    """What a point of light out of focus looks like with a shape, or why there is no such picture."""
+    """Draw a point of light out of focus with an aperture shape, or the reason why there is no picture."""
     try:
         if picture := bokeh.icon(shape.aperture):
             layout.template_icon(icon_value=picture, scale=BOKEH)

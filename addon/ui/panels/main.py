@@ -135,7 +135,7 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 
 def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """What is in focus, and a button for the frame of each focus mark, and for another."""
+    """Draw the focus, and a button for the frame of each focus mark."""
     settings, frame = context.scene.virtual_aperture, clip_frame(context.scene)
     if (thing := blender_focus.focus_object(settings)) is not None:
         layout.label(text=f"In focus: {thing.name}", icon="OBJECT_DATA")
@@ -167,7 +167,7 @@ def _draw_missing(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
 
 
 def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """How much blur, as a share of the width and as an f-stop; and what the f-stop assumes."""
+    """Draw the amount of blur as a share of the width and as an f-stop, and the assumed scale."""
     column = split(layout.column(align=True), with_keys=True)
     column.prop(settings, "blur")
     stop = column.row(align=True)
@@ -179,7 +179,7 @@ def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
 
 
 def draw_subject(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """How far away the subject is, which tells the scale; while it is assumed, so it says."""
+    """Draw the distance of the subject, which gives the scale; an assumed one is marked."""
     column = layout.column(align=True)
     if not settings.metres_per_unit > 0:
         column.label(text="Assumed: the subject is about", icon="DRIVER_DISTANCE")

@@ -1,4 +1,4 @@
-"""What the panels of the sidebar share."""
+"""Common code of the panels of the sidebar."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ class Panel:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Not for scenes of a newer version, of which the first panel tells: settings may mean something
-        else there."""
+        """Return whether the scene is not of a newer version, whose settings may have another meaning."""
         return not version.is_newer(context.scene.virtual_aperture)
 
 

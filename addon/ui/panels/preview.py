@@ -1,4 +1,4 @@
-"""The Preview panel: what a viewport in Rendered shading shows."""
+"""The Preview panel: settings of viewports in Rendered shading."""
 
 from __future__ import annotations
 

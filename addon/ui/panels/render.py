@@ -1,4 +1,4 @@
-"""The Render panel: which frames, where to, at what quality."""
+"""The Render panel: frames, output and quality."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class VIRTUAL_APERTURE_PT_render(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
 
 def output_words(scene: bpy.types.Scene) -> str:
-    """What Render Clip will do, in one line."""
+    """Return the output of Render Clip in one line."""
     render = scene.render
     count = len(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
     which = f"Frames {scene.frame_start} to {scene.frame_end}" if count > 1 else f"Frame {scene.frame_start}"

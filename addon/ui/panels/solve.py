@@ -1,4 +1,4 @@
-"""The Solve panel: what is known of the lens, what the solve found, and what helps it."""
+"""The Solve panel: prior knowledge of the lens, the report on the solve, and advice."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class VIRTUAL_APERTURE_PT_solve(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
 
 def _draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """What the solve found, what would help it, and what it hid."""
+    """Draw the report on the solve, advice, and hidden objects."""
     settings = context.scene.virtual_aperture
     box = layout.box()
     if settings.summary:

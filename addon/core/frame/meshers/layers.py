@@ -1,4 +1,4 @@
-"""Layers: depth of every pixel, and what silhouettes hide on a surface of its own."""
+"""The mesher `layers`: depth of every pixel, and hidden surfaces behind silhouettes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ FILLED = 0.25
 
 
 def can_be_layered(lens: ThinLens, blur: float) -> bool:
-    """Whether blur discs of `blur` pixels leave anything of a frame's surfaces to be drawn by layers."""
+    """Return whether a frame with blur discs of `blur` pixels can be drawn by layers."""
     return blur / 2 < WIDEST * max(lens.pinhole.width, lens.pinhole.height)
 
 
 def make(geometry: FrameGeometry) -> Surface:
-    """The mesh of the frame's layered depth image, with other frames' colours for what it does not show."""
+    """Return the mesh of the frame's layered depth image, with hidden colours from other frames."""
     assert geometry.depth is not None and geometry.depth_to_blur is not None
     hidden = None
     if geometry.settings.borrow:
@@ -45,7 +45,7 @@ def make(geometry: FrameGeometry) -> Surface:
 
 
 def _by_true_depth(hidden: HiddenColours, true: Callable[[Floats], Floats]) -> HiddenColours:
-    """Hidden colours for who asks by inverse depths (n,) of which `true` tells where they are."""
+    """Hidden colours as a function of blurred inverse depths (n,), which `true` maps to real ones."""
     return lambda places, inverse: hidden(places, true(inverse))
 
 

@@ -1,4 +1,4 @@
-"""What a mesher is given of a frame, and what it makes of it."""
+"""The input and output of meshers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class FrameGeometry:
     samples: DepthSamples
     """Places of known inverse depth, `lens.untilted`."""
     depth: PixelDepth | None
-    """Of every pixel of the canvas, for meshers that need it; not yet `lens.untilted`."""
+    """Depth of every pixel of the canvas, for meshers that need it; not yet `lens.untilted`."""
     own_lens: OwnLens | None = None
     """That the clip was filmed through, where its blur is to be taken into account."""
     beyond: float = 0.0
@@ -47,8 +47,7 @@ class FrameGeometry:
 
     @cached_property
     def depth_to_blur(self) -> PixelDepth | None:
-        """`depth`, where the lens has to blur it by as much as it wants; else that at which it blurs it by
-        what the clip's own lens has left."""
+        """`depth`, or the depth at which the lens blurs by the amount that the clip's own lens leaves."""
         if self.own_lens is None or self.depth is None:
             return self.depth
         return self.own_lens.remaining(self.frame, self.lens, self.depth)
@@ -62,7 +61,7 @@ class Surface:
     texture: LinearRGBA
     """(h, w, 4) what is painted on the mesh, linear and premultiplied."""
     is_whole: bool = False
-    """Whether no view may see through the mesh."""
+    """True if the mesh has no holes for any view."""
     layers: tuple[LayeredDepthImage, ...] = ()
     """That the mesh was made of, near ones first."""
 
@@ -83,16 +82,25 @@ class Views:
 
 
 def even_views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
-    """Views of Vogel's spiral where the aperture is round, else those of `equal_share_views`; the focal plane
-    exactly in register."""
+    """Return views with the focal plane exactly in register.
+
+    Positions are Vogel's spiral for a round aperture, else those of `equal_share_views`.
+    """
     if not geometry.settings.aperture.is_disc:
         return equal_share_views(geometry, count, variant)
     return _in_register(geometry, ApertureSamples(turned_disc(vogel_disc(count), variant)))
 
 
 def equal_share_views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
-    """Views in the middles of equal shares of the aperture, as a prefiltered texture takes them, the focal
-    plane exactly in register; with a `variant` other ones."""
+    """Return views in the centroids of equal shares of the aperture, in register at the focal plane.
+
+    Prefiltered textures need these.
+
+    Args:
+        geometry: The frame.
+        count: Number of views.
+        variant: Gives other views.
+    """
     return _in_register(geometry, aperture_samples(geometry.settings.aperture, count, variant))
 
 
@@ -120,15 +128,15 @@ class Mesher:
     """In the interface and on the command line, one sentence without a full stop."""
     make: Callable[[FrameGeometry], Surface]
     views: Callable[[FrameGeometry, int, int], Views] = even_views
-    """Of a frame, so many; with another number as the last argument, other ones of the same aperture."""
+    """Returns a number of views of a frame; another last argument gives other views of the same aperture."""
     needs_pixel_depth: bool = False
-    """Whether it takes the depth of every pixel; others take samples."""
+    """True if it needs the depth of every pixel; others take samples."""
     is_prefiltered: bool = False
-    """Whether its texture is blurred by what one view stands for, so that fewer views do."""
+    """True if its texture is blurred by each view's share of the aperture, so that fewer views suffice."""
     takes_tilt: bool = True
-    """Whether the focal plane can be tilted."""
+    """True if the focal plane can be tilted."""
     uses_given_depth: bool = True
-    """Whether samples of the user's depth maps take the place of feature points."""
+    """True if samples of the user's depth maps replace feature points."""
     fewest_focus_points: int = 0
     """Picked points that it cannot do without."""
     settings: tuple[str, ...] = ()
