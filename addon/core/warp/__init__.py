@@ -1,1 +1,1 @@
-"""Warp meshes: a frame as textured triangles with inverse depth, and its hidden surfaces."""
+"""Warp meshes: a frame as textured triangles with inverse depth, and the surfaces behind its silhouettes."""

@@ -1,4 +1,4 @@
-"""Colours of a frame around a place at about the same depth, and how often other frames see them."""
+"""Bilateral grid of a frame's colours, and of their agreement with other frames."""
 
 from __future__ import annotations
 
@@ -15,35 +15,34 @@ CELLS = 80
 DEPTHS = 32
 """Steps of inverse depth. Chosen by inspection."""
 WINDOW = 7
-"""Cells across what is around a place. Chosen by inspection."""
+"""Width in cells of a position's surroundings. Chosen by inspection."""
 UNLIKE = 0.1
-"""Difference of colours (square root of linear light) from all that is around. Chosen by inspection; with
-this test walk closes 76 instead of 68 % of the gap to the oracle at edges (32 px, true depth)."""
+"""Difference (square root of linear light) from all surrounding colours. Chosen by inspection; with this test
+walk closes 76 instead of 68 % of the gap to the oracle at edges (32 px, true depth)."""
 
 
 @dataclass(frozen=True)
 class BilateralGrid:
-    """A bilateral grid: of inverse depths, rows and columns (B, R, C).
+    """A bilateral grid (B, R, C) of inverse depths, rows and columns.
 
     Chen, Paris and Durand, "Real-time edge-aware image processing with the bilateral grid", 2007.
     """
 
     share: Floats
-    """(B, R, C) how often other frames see the same; 1 where there is nothing to be seen."""
+    """(B, R, C) share of other frames that agree; 1 in empty cells."""
     low: Map
-    """(3, B, R, C) least square roots of the colours around, infinite where there are none."""
+    """(3, B, R, C) least square roots of the surrounding colours, infinite if there are none."""
     high: Map
-    """(3, B, R, C) largest square roots of the colours around, minus infinity where there are none."""
+    """(3, B, R, C) largest square roots of the surrounding colours, minus infinity if there are none."""
     size: Floats
     """(2,) width and height in pixels."""
     cell: float
-    """Pixels across a cell."""
+    """Pixels a cell."""
     first: float
     """Inverse depth of the first step."""
     step: float
-    """Inverse depth from a step to the next."""
+    """Inverse depth between steps."""
     unlike: float
-    """`UNLIKE`."""
 
     @classmethod
     def of(cls, places: Places, root: Map, seen: Map, alike: Map) -> BilateralGrid:
@@ -70,11 +69,11 @@ class BilateralGrid:
         return cls(share, low, high, size, cell, first, step, UNLIKE)
 
     def cells(self, places: Places) -> Indices:
-        """(n,) indices of the cells that places are in."""
+        """Return the (n,) indices of the cells of positions."""
         return _cells(places, (self.first, self.step, self.cell), self.share.shape)
 
     def alike(self, cells: Indices) -> Floats:
-        """(n,) how often other frames see the same around places in cells (n,), in [0, 1]."""
+        """Return the (n,) share of other frames, in [0, 1], that agree around cells (n,)."""
         return np.asarray(self.share.ravel()[cells])
 
     def shows(self, places: Places, cells: Indices, root: Map) -> Mask:
@@ -96,10 +95,7 @@ class BilateralGrid:
 
 
 def _cells(places: Places, grid: tuple[float, float, float], shape: tuple[int, ...]) -> Indices:
-    """(n,) indices of places' cells in the raveled grid; places outside are in the nearest cell.
-
-    The grid has a first inverse depth, its step, and the pixels of a cell.
-    """
+    """Return (n,) cells in the raveled grid (first inverse depth, step, pixels a cell), clipped to it."""
     first, step, cell = grid
     index = ((places.inverse - first) / step + 0.5, places.y / cell, places.x / cell)
     depth, row, column = (
@@ -109,15 +105,15 @@ def _cells(places: Places, grid: tuple[float, float, float], shape: tuple[int, .
 
 
 def _summed(values: Floats, window: int) -> Floats:
-    """(B, R, C) means over windows of rows and columns, summed with the depths beside."""
-    # To OpenCV, which filters rows and columns, depths are channels.
+    """Average values (B, R, C) over windows of rows and columns, and sum neighbouring depths."""
+    # OpenCV filters rows and columns; depths are its channels.
     total = cv2.blur(np.moveaxis(values, 0, 2), (window, window), borderType=cv2.BORDER_CONSTANT)
     deep = np.pad(np.moveaxis(total, 2, 0), ((1, 1), (0, 0), (0, 0)))
     return np.asarray(deep[:-2] + 2 * deep[1:-1] + deep[2:])
 
 
 def _least(at: Indices, values: Map, shape: tuple[int, ...], window: int) -> Map:
-    """(3, B, R, C) the least values (3, n) in the cells (n,) and those beside, infinite where none are."""
+    """Return (3, B, R, C) minima of values (3, n) over cells (n,) and their neighbours, or infinity."""
     found = np.full((3, np.prod(shape)), np.inf, np.float32)
     for channel, value in zip(found, values, strict=True):
         np.minimum.at(channel, at, value)

@@ -1,4 +1,4 @@
-"""CG objects as a layer of a frame: their picture with its alpha, and the depth of every pixel of it."""
+"""CG objects as a layer of a frame, with alpha and depth."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .footprint import prefilter_alone
 from .mesh import WarpMesh
 
 FAINT = 1e-3
-"""Alpha up to which a pixel counts as empty: a quarter of an 8-bit step."""
+"""Largest alpha of an empty pixel: a quarter of an 8-bit step."""
 SOLID = 0.5
-"""Alpha from which a pixel has the depth of the visible surface."""
+"""Least alpha of a pixel with a reliable depth."""
 STEP = 2
-"""Pixels between vertices of the mesh. Chosen by inspection: round things stay round."""
+"""Pixels between vertices of the mesh. Chosen by inspection: round outlines stay round."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,9 @@ class CGLayer:
     picture: LinearRGBA
     """(h, w, 4) linear, premultiplied."""
     inverse_depth: Map
-    """(h, w) 1 / z in the frame's camera, in the reconstruction's unit; past silhouettes that of the nearest
-    surface beside."""
+    """(h, w) 1 / z in the frame's camera, in the reconstruction's unit; outside silhouettes, the nearest."""
     corner: tuple[int, int]
-    """Column and row of the canvas's pixel that is the first one here; negative before the canvas."""
+    """Column and row of the first pixel on the canvas; negative before the canvas."""
 
     @classmethod
     def of(cls, picture: LinearRGBA, inverse_depth: Map, margin: int, typical: float) -> CGLayer | None:
@@ -56,27 +55,27 @@ class CGLayer:
         return cls(picture[part].copy(), inverse, (int(columns[0]) - margin, int(rows[0]) - margin))
 
     def places(self) -> Floats:
-        """(h, w, 2) the pixels' centres on the canvas."""
+        """Return (h, w, 2) centres of pixels on the canvas."""
         rows, columns = self.inverse_depth.shape
         across = np.arange(columns) + self.corner[0] + 0.5
         return np.stack(np.meshgrid(across, np.arange(rows) + self.corner[1] + 0.5), axis=-1)
 
     def displacement(self, lens: ThinLens) -> Map:
-        """(h, w) pixels at the aperture's rim, relative to the focal plane."""
+        """Return (h, w) displacements in pixels at the aperture's rim, relative to the focal plane."""
         untilted = lens.untilted(self.inverse_depth, self.places())
         return np.asarray(lens.displacement(np.asarray(untilted, np.float64)), np.float32)
 
     def scaled(self, before: Intrinsics, after: Intrinsics) -> CGLayer:
-        """The same on another canvas, whose pinhole is the same at another size."""
+        """Resample for a canvas of another size with the same pinhole."""
         scale = after.focal / before.focal
-        # Blurred first where it shrinks, or its pixels would be left out; that reaches past its border.
+        # Blurred before it shrinks, against aliasing; the blur extends past the border.
         cell = [2 * round(0.5 / each) + 1 if each < 1 else 1 for each in scale.tolist()]
         wide = self._padded(max(cell))
         picture = np.asarray(cv2.blur(wide.picture, cell, borderType=cv2.BORDER_CONSTANT), np.float32)
         first = (np.array(wide.corner) - before.principal_point) * scale + after.principal_point
         corner = np.floor(first).astype(int)
         size = np.ceil(first + scale * wide.inverse_depth.shape[::-1]).astype(int) - corner
-        # From pixels of the result to those that are here, whose centres OpenCV counts from.
+        # From pixels of the result to pixels here; OpenCV counts from their centres.
         shift = (corner + 0.5 - first) / scale - 0.5
         matrix = np.array([[1 / scale[0], 0, shift[0]], [0, 1 / scale[1], shift[1]]])
 
@@ -92,7 +91,7 @@ class CGLayer:
         )
 
     def on_raster(self, margin: tuple[int, int], shape: tuple[int, ...]) -> CGLayer:
-        """The same on a raster of (rows, columns) that begins `margin` rows and columns before the canvas."""
+        """Place on a raster of (rows, columns) that begins `margin` rows and columns before the canvas."""
         begin = self.corner[1] + margin[0], self.corner[0] + margin[1]
         spare = [
             (max(first, 0), max(whole - first - own, 0))
@@ -108,7 +107,7 @@ class CGLayer:
         )
 
     def largest_disc(self, lens: ThinLens) -> float:
-        """Return the diameter in pixels that 99 % of the blur discs of covered pixels are below."""
+        """Return the 99th percentile of the covered pixels' blur discs: a diameter in pixels."""
         untilted = np.asarray(lens.untilted(self.inverse_depth, self.places()), np.float64)
         return lens.largest_disc(untilted[self.picture[..., 3] > FAINT])
 
@@ -137,7 +136,7 @@ class CGLayer:
         return mesh, texture
 
     def _padded(self, margin: int) -> CGLayer:
-        """The same with at least `margin` empty pixels around, its sides a multiple of `STEP` and one."""
+        """Pad by at least `margin` empty pixels, to sides of a multiple of `STEP` plus one."""
         after = [margin + (1 - n - 2 * margin) % STEP for n in self.inverse_depth.shape]
         sides = [(margin, n) for n in after]
         return CGLayer(
@@ -147,7 +146,7 @@ class CGLayer:
 
 
 def _triangles(covered: np.ndarray) -> Ints:
-    """(T, 3) two triangles for each cell of the raster of every `STEP`-th pixel that is covered (H, W)."""
+    """Return (T, 3) triangles, two for each covered (H, W) cell of the raster of every `STEP`-th pixel."""
     height, width = ((n - 1) // STEP for n in covered.shape)
     cells = np.zeros((height, width), bool)
     for down in range(STEP + 1):
@@ -161,6 +160,6 @@ def _triangles(covered: np.ndarray) -> Ints:
 
 
 def _used(triangles: Ints) -> tuple[Ints, Ints]:
-    """Rows of the vertices that triangles (T, 3) have, and the triangles of these alone."""
+    """Return the rows of the vertices in triangles (T, 3), and the triangles renumbered to them."""
     used, renamed = np.unique(triangles, return_inverse=True)
     return used.astype(np.int32), renamed.reshape(-1, 3).astype(np.int32)

@@ -1,7 +1,4 @@
-"""The small clipped blobs of a picture and their surroundings, to which `highlights` fits its model.
-
-They may be light sources, glints or specular edges.
-"""
+"""Small clipped blobs of a picture, possible light sources, and their surroundings, for `highlights`."""
 
 from __future__ import annotations
 
@@ -16,68 +13,65 @@ from ..base.arrays import Floats, Indices, Ints, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
 
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
-"""Shares of channels in the luma of BT.709, which clips are coded by: colours have half of its resolution."""
+"""Channel weights of BT.709's luma, by which clips are coded: chroma has half of its resolution."""
 NEAR = 1.5
-"""Standard deviation in pixels of the weights of the surroundings that give a blob's background. Chosen by
-inspection."""
+"""Standard deviation in pixels of the weights that estimate a blob's background. Chosen by inspection."""
 PAD = 5
-"""Pixels around a blob in which its surroundings are looked at."""
+"""Pixels of surroundings around a blob."""
 EDGE_CONTRAST = 0.15
-"""Linear light between both sides of an edge by which the point spread may be measured."""
+"""Least contrast in linear light of an edge that measures the point spread."""
 EDGE_SHARE = 85.0
-"""Percentile of edges, by sharpness, that counts as sharp: 0.42 px on bars, whose true filter has 0.42."""
+"""Percentile of edges by sharpness: 0.42 px on bars, whose true filter has 0.42."""
 FEWEST_EDGES = 100
 SPREAD = 0.42
-"""Pixels, standard deviation: the point spread of a picture of fewer edges, that of a sharp one. A
-larger one than is true makes lamps too bright."""
+"""Default point spread: standard deviation in pixels. Larger than the true one makes lamps too bright."""
 SPREADS = (0.38, 1.5)
-"""Least and largest one that is believed."""
+"""Bounds of the point spread."""
 THICKNESS = (0.02, 0.04)
-"""Shares of the long side: a blob's thickness up to the first is a light source's, from the second a sky,
-wall or window. Chosen by inspection."""
+"""Shares of the long side: up to the first, a blob has a light source's thickness; from the second on, a
+sky's, wall's or window's. Chosen by inspection."""
 LENGTH = (0.1, 0.2)
-"""Shares of the long side for a blob's length, like `THICKNESS`. Chosen by inspection."""
+"""The same for a blob's length. Chosen by inspection."""
 AMONG = (0.0, 0.25)
-"""Share of large clipped areas in the surroundings, from none to so much that a blob is a piece of them: sky
-between leaves. Chosen by inspection."""
+"""Share of large clipped areas around, from none to that of sky in leaves. Chosen by inspection."""
 AROUND = 0.02
-"""Share of the long side up to which these surroundings reach. Chosen by inspection."""
+"""Reach of these surroundings as a share of the long side. Chosen by inspection."""
 GROUND = (0.4, 0.8)
-"""Linear light of the surroundings: with the first a blob may be a light source, with the second it is noise
-on something white. Chosen by inspection."""
+"""Linear light of the surroundings: up to the first, a blob may be a light source; from the second on it is
+noise on a white surface. Chosen by inspection."""
 FLAT = (0.012, 0.022)
-"""Linear light over the threshold, mean of a blob's pixels: from the second on they are clipped but for
-noise, up to the first they are paint that is nearly white, as in walk and fence (else 0.7, 0.3 dB less)."""
+"""Mean linear light of a blob over the threshold: from the second on its pixels are clipped but for noise, up
+to the first they are nearly white paint, as in walk and fence (otherwise 0.7 and 0.3 dB less)."""
 NEARLY = 0.92
-"""Share of the threshold from which a pixel belongs to a blob: coded clips have clipped pixels below white,
-247 to 254 of 255 in H.264 at a rate factor of 20."""
+"""Least value of a blob's pixels as a share of the threshold: coded clips have clipped pixels a little under
+white, 247 to 254 of 255 in H.264 at a rate factor of 20."""
 LOW, WHITES = 10.0, (0.85, 1.0)
-"""Percentile of the recorded values within blobs above which all are clipped, and its bounds."""
+"""Percentile of the values within blobs above which all pixels are clipped, and its bounds."""
 MOST = 4096
-"""Blobs of a picture, those of most pixels, that are looked at: three times those of a night street at
-1280x720, and as many discs as touch each other when each is 15 pixels wide."""
+"""Most blobs of a picture, the largest: three times those of a night street at 1280x720, and as many as
+touching discs that are 15 pixels wide."""
 USED = 3
-"""Pixels around a blob that are used."""
+"""Pixels around a blob that are compared with the model."""
 ALIKE = 2
-"""Pixels: sides of patches are multiples of it, so that many are looked at together."""
+"""Sides of patches in pixels are multiples of it, so that many are processed together."""
 
 
 @dataclass(frozen=True)
 class Blobs:
-    """The small clipped blobs of a picture, n in all, that may be light sources."""
+    """The n small clipped blobs of a picture that may be light sources."""
 
     centre: Floats
     """(n, 2) x and y as shares of the picture's width and height."""
     area: Floats
     """(n,) clipped pixels."""
     weight: Floats
-    """(n,) 0 to 1, how sure it is a light source and not a piece of a large clipped area."""
+    """(n,) confidence in [0, 1] that it is a light source and not a piece of a large clipped area."""
     spread: float
     """Standard deviation of the picture's point spread in pixels."""
     white: float
-    """Linear light over which a pixel is clipped: less in coded clips, whose clipped pixels differ."""
+    """Linear light above which a pixel is clipped: lower in coded clips, whose clipped pixels vary."""
     patches: tuple[Patches, ...]
-    """Their surroundings, those of one size together."""
+    """Their surroundings, grouped by size."""
 
     def __len__(self) -> int:
         return len(self.area)
@@ -85,49 +79,46 @@ class Blobs:
 
 @dataclass(frozen=True)
 class Patches:
-    """The surroundings of k blobs of a picture, of one size (h, w): `USED` pixels or more around each.
-
-    Past the picture's border they go on as at it.
-    """
+    """Surroundings (h, w) of k blobs of a picture, which repeat the pixels at its border."""
 
     number: Indices
-    """(k,) which of the picture's blobs it is."""
+    """(k,) index of the blob in the picture."""
     pixel: Indices
-    """(k, h, w) of the picture, counted along its rows."""
+    """(k, h, w) index of the pixel in the picture, row by row."""
     light: Map
     """(k, 3, h, w) linear."""
     ground: Map
-    """(k, 3, h, w) linear colour behind it, as what is around lets expect."""
+    """(k, 3, h, w) linear colour of the background, estimated from the surroundings."""
     own: Mask
     """(k, h, w) the blob's pixels, also past the border."""
     seen: Mask
-    """(k, h, w) those in the picture."""
+    """(k, h, w) the blob's pixels in the picture."""
     beside: Mask
-    """(k, h, w) its rim."""
+    """(k, h, w) the blob's rim."""
     used: Mask
-    """(k, h, w) used pixels: the blob's, and those around it that no other blob reaches."""
+    """(k, h, w) pixels to compare: the blob's, and those around it that no other blob reaches."""
     core: Floats
-    """(k, 3) linear colour that its clipped pixels were recorded with, the median."""
+    """(k, 3) median linear colour of its clipped pixels."""
     rim: Floats
-    """(k, 3) linear light of its rim: the sum over the ground."""
+    """(k, 3) linear light of its rim above the background, summed."""
     doubt: Floats
-    """(k,) standard deviation of the rim in a channel, from the texture of the ground."""
+    """(k,) standard deviation of `rim` in a channel, due to the background's texture."""
     texture: Floats
-    """(k,) mean square of the surroundings' difference from the ground, of square roots of linear light."""
+    """(k,) mean square difference of surroundings and background, of square roots of linear light."""
 
     def __len__(self) -> int:
         return len(self.number)
 
     def among(self, which: Mask | Indices | slice) -> Patches:
-        """Some of them."""
+        """Select some of the patches."""
         return Patches(*(value[which] for value in vars(self).values()))
 
 
 def clipped_blobs(picture: LinearRGBA, threshold: float) -> Blobs:
-    """Find the small clipped blobs of a picture (H, W, 3 or 4), linear.
+    """Find the small clipped blobs of a linear picture (H, W, 3 or 4), at most `MOST`; passes checkpoints.
 
-    They are connected pixels with nearly `threshold` of white in a channel, at least one with all of it, at
-    most `MOST`. Those without weight are left out. Passes checkpoints.
+    They are connected pixels with a channel of nearly `threshold` of white, and one pixel above it. Blobs
+    without weight are left out.
     """
     peak = brightest(picture)
     clipped = peak >= NEARLY * threshold
@@ -160,10 +151,7 @@ def clipped_blobs(picture: LinearRGBA, threshold: float) -> Blobs:
 
 
 def _weights(peak: Map, clipped: Mask, label: Ints, stats: Ints, centres: Floats, threshold: float) -> Floats:
-    """(n,) probabilities of components to be light sources, before their ground is known.
-
-    Components are OpenCV's statistics in a picture's largest channel (H, W).
-    """
+    """Return the (n,) confidence of components as light sources, without regard to their background."""
     long_side = max(peak.shape)
     row, column = np.nonzero(clipped)
     of, count = label[row, column], len(stats)
@@ -195,10 +183,7 @@ def _weights(peak: Map, clipped: Mask, label: Ints, stats: Ints, centres: Floats
 def _patches(
     picture: LinearRGBA, label: Ints, stats: Ints, numbers: Indices, size: tuple[int, int]
 ) -> tuple[Patches, Floats]:
-    """Surroundings (h, w) of components (k,) with labels (H, W), and the brightness (k,) of their ground.
-
-    Brightness is infinite without surroundings.
-    """
+    """Cut out components (k,) with surroundings (h, w); also return their backgrounds' light (k,)."""
     height, width = label.shape
     x, y, across, down = (stats[numbers, each][:, None] for each in range(4))
     places, inside = [], []
@@ -213,7 +198,7 @@ def _patches(
     own = labels == numbers[:, None, None]
     away, clear = _distances(own), _distances((labels > 0) & ~own & valid)
     ring = (away > 1.5) & (away <= 4.6) & (clear > 2.3) & valid
-    # Among others, whatever is not one of them.
+    # Between other blobs, any pixel without a blob.
     ring |= (away > 1.5) & (labels == 0) & valid & ~ring.any(axis=(1, 2), keepdims=True)
     ground = _ground(light, ring)
     level = _medians(ground.max(axis=1)[:, None], own & valid)[:, 0]
@@ -222,7 +207,7 @@ def _patches(
     apart = (clear > 1.5) & valid
     beside = (away > 0) & (away <= 1.5) & apart
     rim = np.where(beside[:, None], light - ground, 0).sum(axis=(2, 3), dtype=np.float64)
-    # The nearest of the ground is one patch of its texture: all of the rim may be off alike.
+    # The nearest background is one patch of its texture: the whole rim may share its error.
     doubt = spread * beside.sum(axis=(1, 2))
     used = (away <= USED) & apart
     seen = own & valid
@@ -236,10 +221,7 @@ def _patches(
 
 
 def _around(light: Map, ground: Map, ring: Mask) -> tuple[Floats, Floats]:
-    """Difference of light (k, 3, h, w) from the ground (k, 3, h, w) in `ring` (k, h, w).
-
-    The mean square (k,) of square roots, and the standard deviation (k,).
-    """
+    """Return mean square (k,) and deviation (k,) of light from ground (k, 3, h, w) within a ring."""
     count = 3 * np.maximum(ring.sum(axis=(1, 2)), 1)
     where = ring[:, None]
     roots = np.where(where, np.sqrt(np.maximum(light, 0)) - np.sqrt(ground), 0)
@@ -250,9 +232,9 @@ def _around(light: Map, ground: Map, ring: Mask) -> tuple[Floats, Floats]:
 
 
 def _distances(masks: Mask) -> Map:
-    """(k, h, w) pixels to the nearest of a mask (k, h, w), right up to `PAD`; more where there is none."""
+    """Return (k, h, w) distances in pixels to the nearest pixel of a mask, exact up to `PAD`."""
     count, height, width = masks.shape
-    # Below each other, so far apart that none sees the next.
+    # Stacked vertically, too far apart to affect each other.
     stack = np.ones((count, height + 2 * PAD, width), np.uint8)
     stack[:, PAD:-PAD] = ~masks
     found = cv2.distanceTransform(stack.reshape(-1, width), cv2.DIST_L2, 5)
@@ -260,7 +242,7 @@ def _distances(masks: Mask) -> Map:
 
 
 def _ground(light: Map, ring: Mask) -> Map:
-    """(k, 3, h, w) background of blobs from the light (k, 3, h, w) of the pixels around (k, h, w)."""
+    """Estimate the background (k, 3, h, w) from light (k, 3, h, w) in `ring` (k, h, w), near pixels first."""
     known = np.concatenate([light * ring[:, None], ring[:, None]], axis=1, dtype=np.float32)
     total = np.zeros_like(known)
     for weight, reach in ((1.0, NEAR), (1e-2, 3 * NEAR), (1e-4, 9 * NEAR)):
@@ -271,7 +253,7 @@ def _ground(light: Map, ring: Mask) -> Map:
 
 @lru_cache(maxsize=256)
 def gaussian(size: int, spread: float) -> Map:
-    """(n, n) matrix that blurs n values in a row as OpenCV does, beyond which there is nothing."""
+    """Return the (n, n) matrix that blurs n values as OpenCV does, with zeros outside."""
     taps = round(8 * spread + 1) | 1
     kernel = cv2.getGaussianKernel(taps, spread, cv2.CV_32F).ravel()
     away = np.arange(size)[:, None] - np.arange(size) + taps // 2
@@ -279,7 +261,7 @@ def gaussian(size: int, spread: float) -> Map:
 
 
 def _medians(values: Map, among: Mask) -> Floats:
-    """(k, c) medians of values (k, c, h, w) in a mask (k, h, w), of which each has some."""
+    """Return (k, c) medians of values (k, c, h, w) in masks (k, h, w), none of which is empty."""
     ordered = np.sort(np.where(among[:, None], values, np.inf).reshape(*values.shape[:2], -1), axis=2)
     count = among.sum(axis=(1, 2))[:, None, None]
     low, high = (np.take_along_axis(ordered, (count - odd) // 2, axis=2)[..., 0] for odd in (1, 0))
@@ -287,19 +269,18 @@ def _medians(values: Map, among: Mask) -> Floats:
 
 
 def brightest(picture: LinearRGBA) -> Map:
-    """(H, W) the largest of three channels of a picture (H, W, 3 or 4)."""
+    """Return the (H, W) largest of three channels of a picture (H, W, 3 or 4)."""
     # NumPy takes ten times as long over so short an axis.
     return np.maximum(np.maximum(picture[..., 0], picture[..., 1]), picture[..., 2])
 
 
 def point_spread(picture: LinearRGBA) -> float:
-    """Estimate the standard deviation in pixels of a Gaussian point spread.
+    """Measure the point spread of a picture (H, W, 3 or 4) as a Gaussian's standard deviation in pixels.
 
-    It follows from the picture's (H, W, 3 or 4) sharpest edges: the largest step between neighbours over the
-    contrast across seven.
+    Sharp edges are compared by their largest step between pixels, as a share of the contrast over seven.
     """
-    # Sums of channels, which optics blur as they do light: in the largest channel, edges between two
-    # colours are sharper than any.
+    # By luma, which optics blur as they blur light: in the largest channel, edges between two colours are
+    # sharper.
     grey = picture[..., :3] @ LUMA
     near_clipped = cv2.dilate((brightest(picture) > 0.9).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     sharpness = []
@@ -321,11 +302,11 @@ def point_spread(picture: LinearRGBA) -> float:
 
 
 def _falling[T: (float, Floats, Map)](value: T, low: float, high: float) -> T:
-    """1 up to `low`, 0 from `high` on, without a kink (smoothstep)."""
+    """Fall smoothly from 1 at `low` to 0 at `high` (smoothstep)."""
     share = np.clip((value - low) / (high - low), 0, 1)
     return 1 - share * share * (3 - 2 * share)  # type: ignore[return-value, no-any-return]
 
 
 def _normal(x: float) -> float:
-    """Share of a normal distribution under x standard deviations."""
+    """Return the standard normal distribution function."""
     return (1 + erf(x / 2**0.5)) / 2

@@ -1,17 +1,16 @@
-"""A regular grid that follows the features as stiffly as it can: the content-preserving warp.
+"""The content-preserving warp: a stiff regular grid that follows the features.
 
-Liu, Gleicher, Jin and Agarwala, "Content-preserving warps for 3D video stabilization", 2009, section 4.2.
-They solve for the grid of each view: a feature in a cell should land where the view sees it, and every half
-of a cell should only turn and grow. Both are linear in the vertices as complex numbers, and the motion of a
-feature is its inverse depth times the virtual camera's position, so the grids of all views are one complex
-number a vertex times this position.
+Liu, Gleicher, Jin and Agarwala, "Content-preserving warps for 3D video stabilization", 2009, section 4.2. The
+paper solves a grid for each view: features in a cell should land at their positions in the view, and each
+half of a cell should only rotate and scale. Both are linear in the vertices as complex numbers, and a feature
+moves by its inverse depth times the virtual camera's position, so one complex number a vertex gives the grids
+of all views. Its real part is an inverse depth. Its imaginary part, motion across, is left out: it changes
+results by 0.02 dB at most.
 
-Its real part is an inverse depth. Its imaginary part is motion across, and is left out: with it results
-change by 0.02 dB at most. The rest is a membrane. The energy of triangles that should only turn and grow is
-that of stretching, in either part, less the covered area, which depends on the border alone (Pinkall and
-Polthier, "Computing discrete minimal surfaces and their conjugates", 1993). Weights by the variation of
-colour in a cell, as in the paper, changed results by up to 0.16 dB, less than a softer membrane does, and are
-left out, too.
+The result is a membrane: the energy of triangles that only rotate and scale is that of stretching, in either
+part, less the covered area, which depends on the border alone (Pinkall and Polthier, "Computing discrete
+minimal surfaces and their conjugates", 1993). The paper's weights by colour variation changed results by up
+to 0.16 dB, less than a softer membrane does, and are left out, too.
 """
 
 from __future__ import annotations
@@ -28,25 +27,23 @@ from ..depth.sparse import DepthSamples
 from .mesh import WarpMesh
 
 SOLVER_ACCURACY = 1e-9
-"""Residual of conjugate gradients relative to the right hand side: far below a visible change."""
+"""Residual of conjugate gradients as a share of the right hand side, far below a visible difference."""
 SOLVER_STEPS = 2000
-"""Steps of conjugate gradients at most. Chosen by inspection."""
+"""Most steps of conjugate gradients. Chosen by inspection."""
 COLUMNS = 64
 """Cells across the picture. Chosen by inspection."""
 STIFFNESS = 0.02
-"""Cost of a step of inverse depth between two vertices, against missing a feature by as much. Chosen by
-inspection."""
+"""Cost of a step of inverse depth between vertices, relative to a feature's error. Chosen by inspection."""
 FADE = 10
-"""Registered frames in which a feature comes and goes. Chosen by inspection."""
+"""Registered frames over which a feature fades in and out. Chosen by inspection."""
 MARGIN_CELLS = 8
-"""Cells past the border at most; a wide margin has large ones. Chosen by inspection."""
+"""Most cells past the border; a wide margin has large ones. Chosen by inspection."""
 RANGE_MARGIN = 0.25
 """Share of the features' range of inverse depths by which vertices may leave it. Chosen by inspection."""
 TALLEST = 4
-"""Ratio of height to width above which cells are larger, or there would be thousands of rows. Chosen by
-inspection."""
+"""Ratio of height to width above which cells grow, to limit the number of rows. Chosen by inspection."""
 OUTLIER_NEIGHBOURS = 8
-"""Features around one that it is compared with. Chosen by inspection."""
+"""Features around one with which it is compared. Chosen by inspection."""
 
 
 def grid_mesh(
@@ -56,10 +53,10 @@ def grid_mesh(
     margin: float,
     flat: float,
 ) -> WarpMesh:
-    """The grid over the canvas and `margin` pixels past its border, two triangles a cell.
+    """Make the grid over the canvas and `margin` pixels past its border, two triangles a cell.
 
-    `weights` (n,) in [0, 1] are those of the samples; `flat` is the inverse depth where there are none.
-    UserError where the grid cannot be found.
+    `weights` (n,) in [0, 1] belong to the features. Without features, the grid has the inverse depth `flat`.
+    Raises UserError if the solver does not converge.
     """
     width, height = canvas.pinhole.width, canvas.pinhole.height
     step = max(width, height / TALLEST) / COLUMNS
@@ -83,10 +80,7 @@ def grid_mesh(
 
 
 def allowed(inverse_depth: Floats, flat: float) -> tuple[float, float]:
-    """Return the least and largest inverse depth of a grid over features of inverse depths (n,).
-
-    The grid's margin must suffice for both; without features it is twice `flat`.
-    """
+    """Return the bounds of a grid's inverse depth for features (n,), or `flat` twice; they set its margin."""
     usable = inverse_depth[np.isfinite(inverse_depth) & (inverse_depth > 0)]
     low, high = float(usable.min(initial=np.inf)), float(usable.max(initial=-np.inf))
     if not len(usable):
@@ -96,11 +90,11 @@ def allowed(inverse_depth: Floats, flat: float) -> tuple[float, float]:
 
 
 def outliers(xy: Floats, inverse_depth: Floats, neighbours: int) -> Mask:
-    """Return the features (n,) that differ from all their neighbours by more than the frame's range.
+    """Mark (n,) features at (n, 2) whose inverse depths (n,) are outliers.
 
-    The range is the 2nd to 98th percentile of inverse depths (n,). Smaller differences are not certain
-    errors: weights by the distance from the membrane, the common way against outliers, drew things in front
-    into the background and cost a decibel in two scenes of three.
+    An outlier differs from all its neighbours by more than the frame's range, 2nd to 98th percentile. Weights
+    by the distance from the membrane drew foreground objects into the background: 1 dB less in two scenes of
+    three.
     """
     result = np.zeros(len(xy), bool)
     if len(xy) <= neighbours:
@@ -116,18 +110,18 @@ def outliers(xy: Floats, inverse_depth: Floats, neighbours: int) -> Mask:
 
 
 def membrane(x: Floats, y: Floats, xy: Floats, values: Floats, weights: Floats, stiffness: float) -> Floats:
-    """Return values (h, w) at vertices on lines x (w,) and y (h,), stretched over given values (n,).
+    """Interpolate values (n,) at positions (n, 2) on lines x (w,) and y (h,), by a membrane (h, w).
 
-    Minimises the weighted squared residuals of bilinear interpolation at places (n, 2), plus the stiffness
-    times the squared steps between vertices, both relative to the best plane: planes are exact. (The paper
-    warps by a homography first, for the same reason.)
+    It minimises the weighted squared errors of bilinear interpolation, plus `stiffness` times the squared
+    steps between vertices. The best plane is subtracted first, so that planes are exact (the paper first
+    warps by a homography).
     """
     slope = _plane(xy, values, weights)
     rest = values - np.column_stack([xy, np.ones(len(xy))]) @ slope
     vertex, share = _bilinear(x, y, xy)
     count = len(x) * len(y)
     pull = weights[:, None] * share
-    # A cell's edge is as stiff as it is broad: the membrane is the same however the lines lie.
+    # An edge's stiffness grows with its cell's breadth, so that the spacing of lines has no effect.
     stiff_x = stiffness * _breadth(y)[:, None] / np.diff(x)
     stiff_y = stiffness * _breadth(x) / np.diff(y)[:, None]
 
@@ -153,10 +147,10 @@ def membrane(x: Floats, y: Floats, xy: Floats, values: Floats, weights: Floats, 
 
 
 def conjugate_gradients(applied: Callable[[Floats], Floats], wanted: Floats, diagonal: Floats) -> Floats:
-    """The grid (h, w) that a symmetric positive matrix, as a function, takes to `wanted`; its diagonal helps.
+    """Solve for the grid (h, w) that a symmetric positive matrix, given as a function, maps to `wanted`.
 
-    Hestenes and Stiefel, "Methods of conjugate gradients for solving linear systems", 1952, with Jacobi's
-    preconditioner. UserError where it does not get there.
+    Hestenes and Stiefel, "Methods of conjugate gradients for solving linear systems", 1952, preconditioned by
+    the `diagonal` (Jacobi). Raises UserError if it does not converge.
     """
     found, left = np.zeros_like(wanted), wanted.copy()
     enough = SOLVER_ACCURACY * np.linalg.norm(wanted)
@@ -181,10 +175,9 @@ def conjugate_gradients(applied: Callable[[Floats], Floats], wanted: Floats, dia
 
 
 def fading(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:
-    """Return the weights (n,) in (0, 1] of a frame's points.
+    """Return (n,) weights in (0, 1] of a frame's points, low in the first and last frames that see them.
 
-    They are low in the first and last frames that see a point, except at the clip's own ends, where a point
-    does not disappear. Points -1, which no frame tracks, have 1.
+    The clip's ends do not count, because the points would go on. Untracked points, -1, have weight 1.
     """
     frames, fade = reconstruction.frames, FADE
     before = reconstruction.images[: np.searchsorted(frames, frame)][: -fade - 1 : -1]
@@ -195,15 +188,15 @@ def fading(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:
         for image in images:
             alive &= np.isin(points, np.concatenate([image.points, image.visible]))
             run += alive
-        # Past the clip's end whatever was seen goes on.
+        # Past the clip's end, visible points go on.
         run += (fade - len(images)) * alive
         weights = np.minimum(weights, run / (fade + 1))
-    # A feature that has just come must not outweigh the stiffness at once: the ends are flat.
+    # A new feature must not outweigh the stiffness at once, so the slopes at both ends are 0.
     return np.where(points < 0, 1.0, weights**2 * (3 - 2 * weights))
 
 
 def _lines(side: float, cell: float, margin: float, margin_cells: int) -> Floats:
-    """Coordinates of a grid's lines: about `cell` apart in the picture, and on to `margin` past it."""
+    """Return coordinates of lines about `cell` apart in the picture, and up to `margin` past it."""
     inside = np.linspace(0, side, max(round(side / cell), 1) + 1)
     steps = int(np.clip(np.ceil(margin / cell), 1, margin_cells))
     outside = margin * np.arange(1, steps + 1) / steps
@@ -211,12 +204,12 @@ def _lines(side: float, cell: float, margin: float, margin_cells: int) -> Floats
 
 
 def _breadth(lines: Floats) -> Floats:
-    """(n,) half the way to the neighbours on either side."""
+    """Return (n,) half the distance between both neighbours."""
     return np.asarray(np.convolve(np.diff(lines), [0.5, 0.5]))
 
 
 def _bilinear(x: Floats, y: Floats, xy: Floats) -> tuple[Ints, Floats]:
-    """(n, 4) vertices of the cells that places (n, 2) lie in, and the places' shares of them."""
+    """Return (n, 4) vertices of the cells that hold positions (n, 2), and bilinear weights."""
     column, row = (
         np.clip(np.searchsorted(lines, at, side="right") - 1, 0, len(lines) - 2)
         for lines, at in ((x, xy[:, 0]), (y, xy[:, 1]))
@@ -229,7 +222,7 @@ def _bilinear(x: Floats, y: Floats, xy: Floats) -> tuple[Ints, Floats]:
 
 
 def _plane(xy: Floats, values: Floats, weights: Floats) -> Floats:
-    """(3,) a, b, c of the plane a x + b y + c nearest to values (n,); level where places leave it open."""
+    """Fit (3,) a, b, c of the plane a x + b y + c to values (n,); level if positions are degenerate."""
     centre = np.average(xy, axis=0, weights=weights)
     terms = np.sqrt(weights)[:, None] * np.column_stack([xy - centre, np.ones(len(xy))])
     slope = np.linalg.lstsq(terms, np.sqrt(weights) * values, rcond=1e-6)[0]

@@ -1,7 +1,7 @@
-"""Colours of hidden pixels from other frames.
+"""Disocclusion fill: colours of surfaces that a frame hides, from other frames.
 
-The surface behind a silhouette or past the border has a known depth; another frame that sees it, inside its
-picture and not hidden by anything in this frame, gives its colour.
+Surfaces behind silhouettes and past the border have a known depth. A frame that sees one, inside its picture
+and unoccluded by the surfaces of the filled frame, provides its colour.
 """
 
 from __future__ import annotations
@@ -25,49 +25,45 @@ from .bilateral_grid import BilateralGrid
 from .source_view import CHUNK, Places, Reprojection, SourceView
 
 HiddenColours = Callable[[Floats, Floats], tuple[LinearRGB, Mask]]
-"""Linear colours (n, 3) of places (n, 2), canvas pixels, at inverse depths (n,), and which (n,) are known."""
+"""Maps canvas positions (n, 2) at inverse depths (n,) to linear colours (n, 3), and which are known (n,)."""
 
 GAIN_PLACES = 20_000
-"""Places, evenly chosen, of which exposures are compared: with ratios that spread by a tenth, their median is
-right to a thousandth."""
+"""Positions that compare exposures: at a spread of a tenth, their median is accurate to a thousandth."""
 STEP = 8
-"""Every so many-th registered frame is a source, the same ones for frames that follow each other: then
-colours are, too. By `python -m benchmarks.accuracy`: bars have 32.32 dB, with every fourth 32.28."""
+"""Step between sources in registered frames; neighbours share them, for stable colours. By `python -m
+benchmarks.accuracy`: bars have 32.32 dB, with every fourth 32.28."""
 SPAN = 32
-"""Registered frames before and after, up to which frames are sources. Chosen by inspection."""
+"""Registered frames before and after that may be sources. Chosen by inspection."""
 LEAST_FRAMES = 8
-"""Frames of a short clip that are sources, even if that needs a smaller step: the shop gains 0.9 dB at 5
-m (`python -m benchmarks.accuracy.shop_table`)."""
+"""Sources of a short clip: the shop gains 0.9 dB at 5 m (`python -m benchmarks.accuracy.shop_table`)."""
 KEPT_PICTURES = 12
-"""Pictures that are remembered, so that each is read once: those of both sides and four more."""
+"""Pictures kept in memory, so that each is read once: those of both sides and four more."""
 LONGEST_SIDE = 1920
-"""Pixels of the long side of these pictures at most, for memory. Chosen by inspection."""
+"""Longest side of these pictures in pixels, for memory. Chosen by inspection."""
 OCCLUDER_MARGIN = 0.04
-"""Relative difference of inverse depth from which a surface hides another. Chosen by inspection."""
+"""Relative difference of inverse depth at which a surface occludes another. Chosen by inspection."""
 GRID = 3
-"""Pixels between places of the frame's own surfaces that are projected into the others. Chosen by
-inspection."""
+"""Pixels between projected positions of the frame's own surfaces. Chosen by inspection."""
 SQUARE = 6
-"""Pixels across the squares of another frame that what is projected there hides: twice `GRID`."""
+"""Side in pixels of the squares that projected positions occlude: twice `GRID`."""
 WIDEST = 2
-"""Squares at most that something near hides around itself. Chosen by inspection."""
+"""Most squares around itself that a near position occludes. Chosen by inspection."""
 BEYOND = 0.1
-"""Share of the long side by which the frame's surfaces continue past its border. Chosen by inspection."""
+"""Extension of the frame's surfaces past its border, as a share of the long side. Chosen by inspection."""
 SILHOUETTE_MARGIN = 1.0
-"""Pixels beside something nearer that may show it in part: mixed pixels."""
+"""Width in pixels of mixed pixels beside a nearer surface."""
 GAINS = (0.5, 2.0)
-"""Least and largest ratio of exposures between frames: a stop. Chosen by inspection."""
+"""Bounds of the ratio of exposures between frames: a stop. Chosen by inspection."""
 MOVING_MARGIN = 0.004
-"""Share of the long side by which moving pixels are dilated. Chosen by inspection."""
+"""Dilation of the masks of moving objects, as a share of the long side. Chosen by inspection."""
 AGREEMENT = 0.06
-"""Difference of colours (square root of linear light) that frames may disagree by. Chosen by inspection."""
+"""Largest difference of agreeing colours (square root of linear light). Chosen by inspection."""
 LEAST_SEEN = 0.5
-"""Share of the colours around a place that other frames must confirm, to be used there. Chosen by inspection;
-with this test fence gains 0.5 dB (32 px, true depth)."""
+"""Least agreement around a position. Chosen by inspection; fence gains 0.5 dB by it (32 px, true depth)."""
 
 
 class DisocclusionFill:
-    """Other frames' colours for the frames of a clip, which come in order."""
+    """Fills the frames of a clip, in order, with colours of other frames."""
 
     def __init__(
         self,
@@ -75,11 +71,7 @@ class DisocclusionFill:
         read: Callable[[int], Pixels],
         moving: Callable[[int], Mask | None] | None = None,
     ) -> None:
-        """`read` gives a frame's picture as `Footage.read` does.
-
-        `moving` gives (h, w), at any size, what moves by itself in a source frame: its colours are not taken,
-        and in the frame that is filled it hides nothing, for elsewhere it stands somewhere else.
-        """
+        """Take pictures from `read`, without the moving objects in masks (h, w) from `moving`."""
         self._rec, self._read, self._moving = reconstruction, read, moving
         self._pictures = LRUCache[LinearRGB](KEPT_PICTURES)
 
@@ -92,18 +84,16 @@ class DisocclusionFill:
         moving: Mask | None = None,
         past_border: Map | None = None,
     ) -> ReprojectedColours:
-        """Return other frames' colours for a frame's hidden pixels.
+        """Project a frame's surfaces into other frames; raises UserError if one cannot be read.
 
         Args:
-            frame: Number of the frame.
-            canvas: That of the frame.
-            picture: (H, W, 4) linear, shown by the canvas.
-            inverse_depth: (H, W).
-            moving: (h, w) moving pixels at any size, if they are known.
+            frame: The frame to fill.
+            canvas: Its canvas.
+            picture: (H, W, 4) linear.
+            inverse_depth: (H, W) of the picture.
+            moving: (h, w) mask of moving objects, at any size, which occlude nothing; by default the source
+                frame's.
             past_border: (H + 2 m, W + 2 m) as `PixelDepth.past_border`.
-
-        Raises:
-            UserError: Another frame cannot be read.
         """
         image, _ = self._rec.image_at(frame)
         target = self._target(image.frame, canvas, picture, inverse_depth, moving, past_border)
@@ -123,7 +113,7 @@ class DisocclusionFill:
     def _source_view(
         self, image: Image, canvas: Canvas, other: Image, target: _TargetView
     ) -> tuple[SourceView, Map]:
-        """The view of another frame, and its colours (3, n) of the target's places, infinite where unseen."""
+        """Return another frame's view, and its colours (3, n) of the target's positions, or infinity."""
         camera = self._rec.intrinsics(other)
         picture = self._pictures.get(other.frame, lambda: self._linear(other.frame))
         checkpoint(0.5)
@@ -147,17 +137,13 @@ class DisocclusionFill:
         moving: Mask | None,
         past_border: Map | None,
     ) -> _TargetView:
-        """The sparse places of a frame, of a picture (H, W, 4) and inverse depths (H, W).
-
-        `moving` (h, w) are moving pixels, None if they must be found; `past_border` (H + 2 m, W + 2 m) is
-        known around the frame.
-        """
+        """Sample the surfaces that a frame shows; the arguments are those of `reprojected`."""
         shape = inverse_depth.shape
         grid = GRID
         rows, columns = (np.arange(min(grid // 2, n - 1), n, grid) for n in shape)
         at = np.ix_(rows, columns)
         y, x = np.meshgrid(rows, columns, indexing="ij")
-        # Surfaces go on past the border.
+        # Surfaces extend past the border.
         beyond = grid * int(BEYOND * max(shape) / grid)
         inverse = extended(inverse_depth, past_border, beyond)
         around = [np.arange(grid // 2 - beyond, n + beyond, grid) for n in shape]
@@ -182,7 +168,7 @@ class DisocclusionFill:
         )  # fmt: skip
 
     def _moves(self, frame: int, canvas: Canvas, places: Places, moving: Mask | None) -> Mask:
-        """(n,) whether places of a frame's canvas move, by `moving` (h, w), or None if it must be found."""
+        """Mark (n,) moving positions of a frame's canvas, by `moving` (h, w) or the source frame's mask."""
         if moving is not None:
             size = canvas.pinhole.width, canvas.pinhole.height
             return _within(self._widened(moving), np.stack([places.x, places.y], axis=1) / size)
@@ -193,18 +179,18 @@ class DisocclusionFill:
         return _within(wide, canvas.features_to_source(np.stack([places.x, places.y], axis=1)) / size)
 
     def _wide(self, frame: int) -> Mask | None:
-        """(h, w) what moves by itself in a source frame, and a little more."""
+        """Return a source frame's (h, w) mask of moving objects, dilated."""
         return self._widened(self._moving(frame) if self._moving else None)
 
     def _widened(self, mask: Mask | None) -> Mask | None:
-        """A mask (h, w) and a little more; None where nothing is in it."""
+        """Dilate a mask (h, w); returns None if it is empty."""
         if mask is None or not mask.any():
             return None
         around = 2 * int(np.ceil(MOVING_MARGIN * max(mask.shape))) + 1
         return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((around, around))) > 0)
 
     def _linear(self, frame: int) -> LinearRGB:
-        """(h, w, 3) a source frame's picture in linear light."""
+        """Read a source frame (h, w, 3) in linear light."""
         checkpoint()
         picture = to_linear(self._read(frame))[..., :3]
         checkpoint()
@@ -216,12 +202,11 @@ class DisocclusionFill:
 
 @dataclass(frozen=True)
 class ReprojectedColours:
-    """Other frames' colours for a frame's hidden pixels."""
+    """Colours of other frames for surfaces that a frame hides."""
 
     sources: tuple[SourceView, ...]
-    """The source frames."""
     surroundings: BilateralGrid
-    """Colours of the frame itself, and how often other frames confirm them."""
+    """The frame's own colours, and their agreement with the others."""
 
     def colours(self, places: Floats, inverse: Floats) -> tuple[LinearRGB, Mask]:
         """Return colours for places of the canvas: a `HiddenColours`.
@@ -248,7 +233,7 @@ class ReprojectedColours:
         return colours, known
 
     def _consensus(self, places: Places) -> tuple[LinearRGB, Mask]:
-        """Colours (n, 3) of some places, and which (n,) are known."""
+        """Return colours (n, 3) of some positions, and which (n,) are known."""
         found = [source.colours(places) for source in self.sources]
         known = np.sum([np.isfinite(colour[0]) for colour in found], axis=0)
         middle = _median(found, known)
@@ -259,7 +244,7 @@ class ReprojectedColours:
         supported = np.flatnonzero(sound)
         cells = around.cells(places.among(supported))
         sound[supported] = around.alike(cells) >= LEAST_SEEN
-        # One frame alone has nobody to agree with.
+        # A single frame cannot be compared with others.
         single = known[supported] == 1
         alone = supported[single]
         sound[alone] &= around.shows(places.among(alone), cells[single], root[:, alone])
@@ -268,27 +253,27 @@ class ReprojectedColours:
 
 @dataclass(frozen=True)
 class _TargetView:
-    """The sparse places of the frame to fill."""
+    """Samples of the surfaces of the frame that is filled."""
 
     places: Places
     """Every `GRID` pixels of the canvas."""
     colour: Map
-    """(3, n) linear colour of the places."""
+    """(3, n) linear."""
     root: Map
-    """(3, n) square root of the colours."""
+    """(3, n) square root of `colour`."""
     still: Mask
-    """(n,) whether a place does not move by itself."""
+    """(n,) static positions."""
     occluders: Places
-    """Possible occluders: static places, those past the border, and those beside something farther."""
+    """Possible occluders in other frames: static positions, those past the border, and depth edges."""
 
 
 def _parts(places: Places) -> list[Places]:
-    """Places in chunks."""
+    """Split positions into chunks."""
     return [places.among(slice(first, first + CHUNK)) for first in range(0, len(places), CHUNK)]
 
 
 def _within(mask: Mask | None, share: Floats) -> Mask:
-    """(n,) whether places at shares (n, 2) of its width and height are in a mask (h, w)."""
+    """Look up (n,) positions at shares (n, 2) of width and height in a mask (h, w)."""
     if mask is None:
         return np.zeros(len(share), bool)
     limit = np.array(mask.shape[::-1])
@@ -297,11 +282,7 @@ def _within(mask: Mask | None, share: Floats) -> Mask:
 
 
 def _nearest(reprojection: Reprojection, places: Places, apart: float) -> Map:
-    """(r, c) largest inverse depth of the places in each square of the other picture, 0 where none is.
-
-    `apart` is how many pixels of the other picture they are apart if they are as far from it: then all
-    squares between are theirs.
-    """
+    """Return (r, c) nearest inverse depths in squares of another picture, filled over `apart` pixels."""
     square, camera = SQUARE, reprojection.camera
     size = -(-camera.height // square), -(-camera.width // square)
     nearest = np.zeros(size, np.float32)
@@ -321,10 +302,7 @@ def _nearest(reprojection: Reprojection, places: Places, apart: float) -> Map:
 
 
 def _hides(nearest: Map, moving: Mask | None, camera: Intrinsics) -> Map:
-    """(H, W) least unoccluded inverse depth in each pixel of a lens, infinite in moving pixels (h, w).
-
-    `nearest` (r, c) is the nearest inverse depth in squares of pixels.
-    """
+    """Return (H, W) least inverse depths of unoccluded surfaces, infinite in `moving` (h, w)."""
     square, margin = SQUARE, int(SILHOUETTE_MARGIN)
     whole = cv2.resize(
         nearest / np.float32(1 + OCCLUDER_MARGIN),
@@ -340,15 +318,12 @@ def _hides(nearest: Map, moving: Mask | None, camera: Intrinsics) -> Map:
 
 
 def _differ(a: Map, b: Map) -> Map:
-    """(n,) by how much square roots of linear colours (3, n) differ: to the eye."""
+    """Return (n,) differences of square roots of linear colours (3, n), which are about perceptual."""
     return np.asarray(np.abs(a - b).max(axis=0))
 
 
 def _gain(own: Map, theirs: Map, bounds: tuple[float, float]) -> Map:
-    """(3,) ratio of brightness to another frame's, of colours (3, n) of the same places.
-
-    Colours are infinite where the other frame does not see them.
-    """
+    """Return (3,) ratios of exposure between colours (3, n) of the same positions; infinity is unseen."""
     thinned = slice(None, None, max(1, own.shape[1] // GAIN_PLACES))
     own, theirs = own[:, thinned], theirs[:, thinned]
     low, high = np.minimum(own, theirs).min(axis=0), own.max(axis=0)
@@ -359,10 +334,7 @@ def _gain(own: Map, theirs: Map, bounds: tuple[float, float]) -> Map:
 
 
 def _median(colours: list[Map], known: Indices) -> LinearRGB:
-    """(n, 3) of colours (3, n) by source, of which so many (n,) are not infinite; 0 where none is.
-
-    Odd-even transposition sort (Habermann 1972): few values in many places are sorted fastest so.
-    """
+    """Return (n, 3) medians of `known` (n,) finite colours; odd-even transposition sort (Habermann 1972)."""
     ordered = list(colours)
     for turn in range(len(ordered)):
         for i in range(turn % 2, len(ordered) - 1, 2):

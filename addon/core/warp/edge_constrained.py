@@ -1,11 +1,10 @@
-"""A mesh whose triangle sides follow the edges in the picture, so that few triangles span two things.
+"""A mesh whose triangles follow the edges in the picture, so that few span two surfaces.
 
-The thesis's outlook, section 5.2: a method "which takes as input not only the points to be triangulated, but
-also information about intensity edges". A straight edge is a row of vertices, close enough together that all
-its pieces are sides of Delaunay triangles (a conforming triangulation). Its depth is that of the features
-beside it that no other edge hides. Where both sides differ there is a row on either side, and the triangles
-between them stretch. Edges far from all jumps are paint, and left out: their vertices would be less certain
-than the features around.
+From the thesis's outlook, section 5.2: a method "which takes as input not only the points to be triangulated,
+but also information about intensity edges". A straight edge becomes a row of vertices, so dense that all its
+pieces are sides of Delaunay triangles (a conforming triangulation). Its depth is that of unoccluded features
+beside it. Where both sides differ there is a row on each side, and the gap between them stretches. Edges far
+from depth jumps are texture, and are left out: features around know their depth better.
 """
 
 from __future__ import annotations
@@ -22,40 +21,36 @@ from ..media.clip import encode_srgb
 from .mesh import WarpMesh, delaunay, distinct, nearest_mean, ring
 
 SHORTEST = 8.0
-"""Pixels of an edge that counts. Chosen by inspection."""
+"""Shortest edge in pixels. Chosen by inspection."""
 TRIM = 1.5
-"""Pixels less at either end, so that the rows of edges that meet at a corner do not cross. Chosen by
-inspection."""
+"""Pixels cut from either end, so that rows do not cross where edges meet. Chosen by inspection."""
 PIECE = 8.0
-"""Pixels between two vertices of an edge at most. Chosen by inspection."""
+"""Most pixels between vertices of an edge. Chosen by inspection."""
 GAP = 0.75
-"""Pixels from an edge to the row of vertices on either side of it. Chosen by inspection."""
+"""Pixels from an edge to the rows on either side. Chosen by inspection."""
 DISCONTINUITY = 3.0
-"""Pixels of disparity at the aperture's rim by which both sides of an edge move apart. Chosen by
-inspection."""
+"""Disparity in pixels at the aperture's rim at which both sides of an edge separate. Chosen by inspection."""
 CLEARANCE = 2.5
-"""Pixels beside an edge within which a feature is on both sides; where depth jumps, none. Chosen by
-inspection."""
+"""Pixels beside an edge within which a feature is on both sides; none at a jump. Chosen by inspection."""
 OTHER_SIDE = 10.0
-"""Pixels that a feature within the clearance is farther from the other side than from its own. Chosen by
-inspection."""
+"""Pixels added to a feature's distance from the other side within the clearance. Chosen by inspection."""
 ALONG = 0.4
-"""Weight of a feature's distance along an edge, against that across it. Chosen by inspection."""
+"""Weight of a feature's distance along an edge, relative to that across. Chosen by inspection."""
 FEATURES = 3
-"""Features on one side of a vertex, whose median depth it gets. Chosen by inspection."""
+"""Features on one side of a vertex whose median is its depth. Chosen by inspection."""
 CANDIDATES = 10
-"""Nearest features; those not hidden by another edge give a vertex's depth. Chosen by inspection."""
+"""Nearest features that are tested for occlusion by other edges. Chosen by inspection."""
 REACH = 60.0
-"""Pixels, those along the edge weighted, beyond which a feature is not used. Chosen by inspection."""
+"""Largest distance in weighted pixels of a feature that gives a vertex its depth. Chosen by inspection."""
 SPLITS = 6
-"""Rounds of splitting pieces of edges that are no sides yet: from 8 pixels to less than one."""
+"""Rounds of splitting pieces that are not sides: from 8 pixels to less than one."""
 CHUNK = 2_000_000
-"""Pairs of places and features that are looked at at once, so that tables take tens of megabytes."""
+"""Pairs of positions and features processed at once, in tables of tens of megabytes."""
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Straight rows of vertices in pieces, which become sides of triangles."""
+    """Straight rows of vertices in pieces that must be sides of triangles."""
 
     xy: Floats
     """(v, 2) in pixels."""
@@ -64,7 +59,7 @@ class Rows:
     pieces: Ints
     """(p, 2) vertices at both ends of a piece."""
     edges: Floats
-    """(m, 2, 2) both ends of the edges at which depth jumps."""
+    """(m, 2, 2) ends of the edges at depth jumps."""
 
 
 def edge_mesh(
@@ -74,10 +69,10 @@ def edge_mesh(
     picture: LinearRGBA,
     scale: float,
 ) -> WarpMesh:
-    """The mesh of features and edges, extrapolated past the border by `margin` pixels.
+    """Make the mesh of features and edges, extrapolated past the border by `margin` pixels.
 
-    `picture` (h, w, 4) is the canvas picture, linear; inverse depth times `scale` is disparity in pixels at
-    the aperture's rim. UserError where the frame has too few features.
+    Inverse depth times `scale` is disparity in pixels at the aperture's rim. `picture` (h, w, 4) is linear.
+    Raises UserError if the frame has too few features.
     """
     keep = distinct(features, canvas)
     xy, inverse = features.observed[keep], features.inverse_depth[keep]
@@ -93,7 +88,7 @@ def edge_mesh(
 
 
 def detected(picture: LinearRGBA) -> Floats:
-    """(m, 2, 2) both ends of the straight edges in a linear picture (h, w, 3 or 4), in pixels.
+    """Find the (m, 2, 2) ends of straight edges in a linear picture (h, w, 3 or 4), in pixels.
 
     Grompone von Gioi et al., "LSD: a fast line segment detector with a false detection control", 2010.
     """
@@ -113,10 +108,10 @@ def edge_rows(
     size: tuple[int, int],
     scale: float,
 ) -> Rows:
-    """Rows of vertices along those edges (m, 2, 2) near which depth varies: two where it jumps, else one.
+    """Make rows of vertices along edges (m, 2, 2) near which depth varies, two at depth jumps.
 
-    Depth is that of features at (n, 2) with inverse depths (n,), beside an edge on either side, or the mean
-    of both; `size` is the picture's, width and height; inverse depth times `scale` is disparity in pixels.
+    Features at (n, 2) with inverse depths (n,) give the depth of either side, or the mean of both. `size` is
+    (width, height); inverse depth times `scale` is disparity in pixels.
     """
     middle = edges.mean(axis=1)
     varies = [
@@ -163,10 +158,18 @@ def edge_rows(
 def conforming(
     xy: Floats, inverse: Floats, pieces: Ints, splits: int = SPLITS
 ) -> tuple[Floats, Floats, Ints, Ints]:
-    """Delaunay triangles (t, 3) of places (n, 2) that have pieces (p, 2), pairs of places, as sides.
+    """Triangulate positions so that pieces become sides of triangles.
 
-    A piece that is none is split in the middle, `SPLITS` times, but not below a pixel. Returned are places
-    and inverse depths with the middles, triangles, and pieces as they are then.
+    Pieces longer than a pixel are split in the middle.
+
+    Args:
+        xy: (n, 2) positions in pixels.
+        inverse: (n,) inverse depths.
+        pieces: (p, 2) indices of both ends.
+        splits: Rounds of splitting.
+
+    Returns:
+        Positions and inverse depths with the middles, Delaunay triangles (t, 3), and the split pieces.
     """
     triangles = delaunay(xy)
     for _ in range(splits):
@@ -185,7 +188,7 @@ def conforming(
 
 
 def are_sides(pieces: Ints, triangles: Ints) -> Mask:
-    """(p,) whether pairs of vertices (p, 2) are sides of triangles (t, 3)."""
+    """Return whether pairs of vertices (p, 2) are sides of triangles (t, 3), as (p,)."""
     count = int(triangles.max()) + 1
     sides, wanted = (
         np.sort(pairs.astype(np.int64), axis=1) @ [count, 1]
@@ -195,7 +198,7 @@ def are_sides(pieces: Ints, triangles: Ints) -> Mask:
 
 
 def _sampled(edges: Floats, step: float) -> tuple[Ints, Floats]:
-    """Edges (v,), and places (v, 2) on them from end to end, `step` pixels apart at most."""
+    """Return edge indices (v,) and positions (v, 2) on edges, at most `step` pixels apart."""
     count = np.ceil(np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1) / step).astype(int) + 1
     edge = np.repeat(np.arange(len(edges), dtype=np.int32), count)
     number = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
@@ -204,27 +207,27 @@ def _sampled(edges: Floats, step: float) -> tuple[Ints, Floats]:
 
 
 def _trimmed(edges: Floats, trim: float) -> Floats:
-    """Edges (m, 2, 2) so many pixels shorter at either end."""
+    """Shorten edges (m, 2, 2) by `trim` pixels at either end."""
     way = edges[:, 1] - edges[:, 0]
     less = trim * way / np.linalg.norm(way, axis=1)[:, None]
     return edges + np.stack([less, -less], axis=1)
 
 
 def _row(kind: Mask, edge: Ints, place: Floats, inverse: Floats) -> tuple[Floats, Floats, Ints]:
-    """The vertices (v,) of one kind, and the pairs of them that follow each other on one edge."""
+    """Select vertices (v,) by a mask, and pair those that are neighbours on an edge."""
     chosen = np.nonzero(kind)[0]
     follows = np.nonzero((np.diff(chosen) == 1) & (np.diff(edge[chosen]) == 0))[0]
     return place[chosen], inverse[chosen], np.column_stack([follows, follows + 1]).astype(np.int32)
 
 
 def _chunks(rows: int, columns: int, chunk: int) -> list[slice]:
-    """Rows of a large table in parts that do not fill the memory."""
+    """Split the rows of a large table into parts of about `chunk` entries."""
     step = max(chunk // max(columns, 1), 1)
     return [slice(first, first + step) for first in range(0, rows, step)]
 
 
 def _nearest(places: Floats, xy: Floats, count: int) -> Ints:
-    """(v, count) which of (n, 2) are nearest to places (v, 2)."""
+    """Return (v, count) indices of the positions (n, 2) nearest to `places` (v, 2)."""
     squared = ((places[:, None] - xy) ** 2).sum(axis=2)
     return np.argpartition(squared, min(count, len(xy)) - 1, axis=1)[:, :count].astype(np.int32)
 
@@ -238,10 +241,7 @@ def _side_depth(
     xy: Floats,
     inverse: Floats,
 ) -> Floats:
-    """(v,) inverse depth beside places (v, 2) of edges (v,), on the side of `across` (v, 2); NaN if unknown.
-
-    The median of the nearest features on this side that the pixels of other edges in `walls` do not hide.
-    """
+    """Return (v,) median inverse depths of unoccluded features on one side of an edge, or NaN."""
     off = xy - place[:, None]
     over, past = (np.einsum("vnk,vk->vn", off, axis) for axis in (across, along))
     far = np.hypot(over, ALONG * past)
@@ -263,7 +263,7 @@ def _side_depth(
 
 
 def _walls(edges: Floats, size: tuple[int, int]) -> Ints:
-    """(h, w) the edge that runs through a pixel, two pixels wide so that nothing slips through; else -1."""
+    """Draw edges as an index map (h, w), two pixels wide so that rays cannot pass; -1 elsewhere."""
     walls = np.full((size[1], size[0]), -1, np.int32)
     edge, place = _sampled(edges, 0.5)
     for shift in np.ndindex(2, 2):
@@ -273,12 +273,12 @@ def _walls(edges: Floats, size: tuple[int, int]) -> Ints:
 
 
 def _hidden(eye: Floats, seen: Floats, walls: Ints, own: Ints, clearance: float) -> Mask:
-    """(r,) whether another edge than `own` (r,) lies between places (r, 2) and others (r, 2)."""
+    """Return whether another edge than `own` (r,) hides `seen` (r, 2) from `eye` (r, 2), as (r,)."""
     way = seen - eye
     length = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
     result = np.zeros(len(eye), bool)
     live, step = np.arange(len(eye)), 2
-    # A step a pixel; a feature close to an edge may be a corner of it, and counts as seen.
+    # One step a pixel; a feature close to an edge may be a corner of it, and counts as visible.
     while len(live := live[step < length[live] - 2 * clearance]):
         at = np.floor(eye[live] + (step / length[live])[:, None] * way[live]).astype(int)
         column, row = np.clip(at, 0, np.array(walls.shape[::-1]) - 1).T
@@ -289,7 +289,7 @@ def _hidden(eye: Floats, seen: Floats, walls: Ints, own: Ints, clearance: float)
 
 
 def _medians(group: Ints, values: Floats, count: int) -> Floats:
-    """(count,) lower median of the values (v,) of each group, 0 where there are none."""
+    """Return (count,) lower medians of values (v,) by group, 0 without any."""
     order = np.lexsort((values, group))
     number = np.bincount(group, minlength=count)
     first = np.cumsum(number) - number
@@ -299,7 +299,7 @@ def _medians(group: Ints, values: Floats, count: int) -> Floats:
 
 
 def _joined(xy: Floats, inverse: Floats, pieces: Ints, edges: Floats, size: tuple[int, int]) -> Rows:
-    """Rows with vertices in the picture, one a pixel at most: the nearest in depth where edges meet."""
+    """Join rows within the picture, one vertex a pixel: the nearest in depth if edges meet."""
     inside = np.all((xy > 0.5) & (xy < np.array(size) - 0.5), axis=1)
     order = np.argsort(-inverse, kind="stable")
     _, first, same = np.unique(np.floor(xy[order]), axis=0, return_index=True, return_inverse=True)
@@ -314,7 +314,7 @@ def _joined(xy: Floats, inverse: Floats, pieces: Ints, edges: Floats, size: tupl
 
 
 def _far_from(edges: Floats, xy: Floats) -> Mask:
-    """(n,) places (n, 2) farther than the clearance from all of edges (m, 2, 2)."""
+    """Mark (n,) positions (n, 2) farther than the clearance from all edges (m, 2, 2)."""
     start, way = edges[:, 0], edges[:, 1] - edges[:, 0]
     result = np.ones(len(xy), bool)
     for some in _chunks(len(xy), len(edges), CHUNK):

@@ -1,10 +1,10 @@
-"""The texture of a layered mesh, prefiltered for the number of views that draw it.
+"""Prefilter of a layered mesh's texture for the number of views.
 
-A lens is sampled at N positions, each of which stands for an N-th of the aperture: from one position to the
-next a texel moves by its footprint, a disc of radius d / sqrt(N) for a texel displaced by d pixels at the
-aperture's rim. Blurred over that disc, few views look like many, and what is in focus stays as it is.
-Levoy and Hanrahan, "Light field rendering", 1996, prefilter over the aperture for the same reason; the
-footprint of a texture is Heckbert's, "Fundamentals of texture mapping and image warping", 1989.
+Each of N views stands for an N-th of the aperture: between neighbouring views a texel moves by its footprint,
+a disc of radius d / sqrt(N) for a displacement of d pixels at the aperture's rim. Blurred over it, few views
+look like many, and surfaces in focus stay sharp. Levoy and Hanrahan, "Light field rendering", 1996, prefilter
+over the aperture for the same reason; the footprint of a texture is Heckbert's, "Fundamentals of texture
+mapping and image warping", 1989.
 """
 
 from __future__ import annotations
@@ -24,30 +24,28 @@ from ..base.side_by_side import side_by_side
 from .layered_depth_image import LayeredDepthImage
 
 TILE = 64
-"""Texels across a tile, a multiple of all `Level.shrink`: each is blurred only as widely as it needs."""
+"""Side of a tile in texels, a multiple of all `Level.shrink`; each tile is blurred as widely as it needs."""
 SUBSAMPLES = 32
-"""Along a texel, by which a disc's rim is sampled: its area is right to 0.3 %."""
+"""Samples a texel of a disc's rim: its area is accurate to 0.3 %."""
 BISECTIONS = 16
-"""By which a disc's radius is found, to a 50,000th."""
+"""Steps that find a disc's radius, to a 50,000th."""
 WIDEST = 256.0
-"""Texels; wider footprints are blurred as this one, wider than most that layers are displaced by."""
+"""Widest footprint in texels, wider than most displacements; wider ones are clamped."""
 BURIED = 8
-"""Pixels behind a near surface that a view may see, half of `layered_depth_image.EXTRAPOLATION`: farther
-behind, the surface itself shows next."""
+"""Pixels from visible surfaces, half of `layered_depth_image.EXTRAPOLATION`: beyond, nothing behind shows."""
 
 
 @dataclass(frozen=True)
 class Level:
-    """A width that is blurred by; those between are interpolated."""
+    """A blur radius; radii between levels are interpolated."""
 
     radius: float
-    """Texels."""
     shrink: int
-    """Texels across a cell of the raster on which it is done."""
+    """Texels a cell of the raster on which it is blurred."""
 
 
 def _levels() -> tuple[Level, ...]:
-    """Radii a half to a third apart, each on a raster where it takes at most nine cells across."""
+    """Radii a half to a third apart, each on a raster with at most nine cells across."""
     octaves = 2.0 ** np.arange(int(np.log2(WIDEST)) + 1)
     radii = np.stack([octaves, 1.5 * octaves], axis=1).ravel().tolist()
     return Level(0.0, 1), *(Level(r, max(1, int(2 ** np.floor(np.log2(r / 2))))) for r in radii)
@@ -70,10 +68,10 @@ def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: 
     width = layers[0].is_far.shape[1]
     parts = texture.reshape(len(layers) + 1, -1, texture.shape[1], 4)
     finer = parts.shape[2] // width
-    # The last one first: it takes the others' texels where it is buried, as they are.
+    # The background first: in buried places it uses the unblurred texels of the others.
     last = np.asarray(radius(layers[-1].back_disparity), np.float32)
     buried = [(part, _buried(layer)) for part, layer in zip(parts, layers, strict=False)]
-    # Tiles look at each other as they were.
+    # Tiles read their unblurred neighbours.
     spare = np.empty_like(parts[-1])
     _filter(parts[-1], spare, finer, last, None, buried)
     parts[-1, ..., 3] = 1
@@ -85,15 +83,12 @@ def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: 
 
 
 def prefilter_alone(texture: LinearRGBA, radius: Map) -> None:
-    """Blur a texture (h, w, 4) that lies alone, with its alpha, in place; `radius` (h, w) in its texels.
-
-    Passes checkpoints.
-    """
+    """Blur a texture (h, w, 4) and its alpha in place by radii (h, w) in texels; passes checkpoints."""
     _filter(texture, np.empty_like(texture), 1, radius.astype(np.float32), None, [])
 
 
 def _goes_on(layer: LayeredDepthImage) -> Mask:
-    """(H, W) pixels past the triangles of a near surface where it goes on, drawn as part of another one."""
+    """Mark (H, W) pixels past a near surface's triangles, where it is drawn as part of another surface."""
     assert layer.drawn is not None
     if layer.drawn.all() or not layer.drawn.any():
         return layer.drawn
@@ -105,7 +100,7 @@ def _goes_on(layer: LayeredDepthImage) -> Mask:
 
 
 def _buried(layer: LayeredDepthImage) -> Mask:
-    """(H, W) pixels behind a near surface that are nearer to where that is drawn in the far one's place."""
+    """Mark (H, W) pixels far behind a near surface, which no view sees."""
     around = np.ones((2 * BURIED + 1, 2 * BURIED + 1), np.uint8)
     return np.asarray(layer.occluded & (cv2.dilate(layer.disoccluded.astype(np.uint8), around) == 0))
 
@@ -118,11 +113,7 @@ def _filter(
     kept: Mask | None,
     buried: Sequence[tuple[LinearRGBA, Mask]],
 ) -> None:
-    """Blur a part of the texture (h, w, 4), `finer` times as fine as its footprints' radii (H, W).
-
-    `spare` (h, w, 4) is written to. Texels that are not `kept` (H, W) count as transparent; where others are
-    `buried` (H, W), their texels (h, w, 4) replace this part's in the filter.
-    """
+    """Blur a part of the texture in place, tile by tile; `buried` texels replace its own as neighbours."""
     rows, columns = (range(0, finer * n, TILE) for n in radius.shape)
     places = [(row, column) for row in rows for column in columns]
     work = partial(_tile, part, spare, finer, radius, kept, buried)
@@ -142,7 +133,7 @@ def _tile(
     buried: Sequence[tuple[LinearRGBA, Mask]],
     place: tuple[int, int],
 ) -> bool:
-    """Blur the texels of one tile into `result`, as `_filter` describes; False where it stays as it is."""
+    """Blur one tile into `result`, with the arguments of `_filter`; returns False if it is unchanged."""
     own = radius[tuple(slice(n // finer, (n + TILE) // finer) for n in place)]
     widest, least = (min(finer * float(n), WIDEST) for n in (own.max(), own.min()))
     if widest == 0:
@@ -152,7 +143,7 @@ def _tile(
     radii = [level.radius for level in LEVELS]
     first = min(int(np.searchsorted(radii, least, "right")) - 1, len(LEVELS) - 2)
     used = LEVELS[first : max(int(np.searchsorted(radii, widest)), first + 1) + 1]
-    # Cells of the coarsest raster, past the widest disc and the reach of interpolation.
+    # Cells of the coarsest raster in use, past the widest disc and the taps of interpolation.
     step = used[-1].shrink
     margin = step * int(np.ceil(used[-1].radius / step) + 2)
     around = _around(part, finer, kept, buried, place, (own.shape[0], own.shape[1]), margin)
@@ -162,7 +153,7 @@ def _tile(
     tile[:] = _blurred(around, used[0])[inner]
     squared = own * own
     for below, level in pairwise(used):
-        # Variances add up, and are as the square of the radius: linear in that from one to the next.
+        # Variances add up and grow with the squared radius, so interpolation is linear in it.
         share = (squared - below.radius**2) / (level.radius**2 - below.radius**2)
         more = _blurred(around, level)[inner] - tile
         more *= cv2.merge([np.clip(share, 0, 1, out=share)] * 4)
@@ -182,7 +173,7 @@ def _around(
     size: tuple[int, int],
     margin: int,
 ) -> LinearRGBA:
-    """(h, w, 4) the texels of a tile and `margin` around, for `_filter`; past the border as at it."""
+    """Return (h, w, 4) texels of a tile and `margin` around, repeated past the border."""
     low = [max(0, n - margin) for n in place]
     high = [min(whole, n + own + margin) for whole, n, own in zip(part.shape, place, size, strict=False)]
     texels = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
@@ -205,12 +196,12 @@ def _around(
 
 
 def _finer[T: np.generic](values: NDArray[T], finer: int) -> NDArray[T]:
-    """(h, w) values of pixels (H, W) at the texels of a texture so many times as fine."""
+    """Repeat values of pixels (H, W) for the texels of a texture."""
     return np.asarray(np.repeat(np.repeat(values, finer, axis=0), finer, axis=1))
 
 
 def _blurred(around: LinearRGBA, level: Level) -> LinearRGBA:
-    """(h, w, 4) texels blurred by a disc of a level; those near the border are not to be used."""
+    """Blur texels (h, w, 4) by a level's disc; those near the border are invalid."""
     if not level.radius:
         return around
     if level.shrink == 1:
@@ -222,7 +213,7 @@ def _blurred(around: LinearRGBA, level: Level) -> LinearRGBA:
         around, 0, size[1] * level.shrink - height, 0, size[0] * level.shrink - width, cv2.BORDER_REPLICATE
     )
     small = cv2.resize(wide, size, interpolation=cv2.INTER_AREA)
-    # The mean over a cell and linear interpolation blur, too: a twelfth and a sixth of a cell squared.
+    # The mean of a cell and linear interpolation blur, too: by a twelfth and a sixth of a cell squared.
     left = np.sqrt((level.radius / level.shrink) ** 2 - 4 * (1 / 12 + 1 / 6))
     small = cv2.filter2D(small, -1, disc_kernel(float(left)), borderType=cv2.BORDER_REPLICATE)
     whole = cv2.resize(small, wide.shape[1::-1], interpolation=cv2.INTER_LINEAR)
@@ -231,10 +222,9 @@ def _blurred(around: LinearRGBA, level: Level) -> LinearRGBA:
 
 @lru_cache
 def disc_kernel(radius: float) -> Map:
-    """(k, k) weights of the cells around the middle of a disc of so many cells, 0.5 or more; their sum is 1.
+    """Return (k, k) weights, of sum 1, of a disc with a radius of 0.5 cells or more.
 
-    They are the shares of a disc that lie in the cells, of one that is so much smaller that the weights have
-    the variance of the one that is meant.
+    They are the cells' shares of a smaller disc, so that their variance is that of the wanted disc.
     """
     low, high = 0.0, radius
     for _ in range(BISECTIONS):
@@ -246,7 +236,7 @@ def disc_kernel(radius: float) -> Map:
 
 
 def _shares(radius: float) -> Floats:
-    """(k, k) shares of a disc of so many cells that lie in the cells around its middle; their sum is 1."""
+    """Return (k, k) shares of a disc that lie in the cells around its centre; their sum is 1."""
     reach = max(0, int(np.ceil(radius - 0.5)))
     place = (np.arange(SUBSAMPLES * (2 * reach + 1)) + 0.5) / SUBSAMPLES - reach - 0.5
     inside = place[:, None] ** 2 + place**2 <= radius**2

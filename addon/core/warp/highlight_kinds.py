@@ -1,7 +1,7 @@
-"""Kinds of lamps: radiances and colours of a clip's light sources.
+"""Radiances and colours of the lamps of a clip.
 
-The rim of a very bright lamp has little evidence, and a clip has few kinds of lamps. All of them together
-give a prior (`kinds_of`), and a colour without evidence in the rim is that of a lamp (`tints`).
+A rim hardly constrains a very bright lamp, but the lamps of a clip are of few kinds. All of them together
+give the prior of each (`kinds_of`), and a colour prior completes the rim's colour (`tints`).
 """
 
 from __future__ import annotations
@@ -15,62 +15,57 @@ import numpy as np
 from ..base.arrays import Floats, Map, Mask
 
 RADIANCES: Floats = np.geomspace(1.0, 1000.0, 28)
-"""Radiances of a light source that are compared, times white: a ratio of 1.29 apart."""
+"""Compared radiances of a light source, times white: a ratio of 1.29 apart."""
 PRIOR = ((4.0, 0.7), (30.0, 1.2))
-"""Median radiances of paper lanterns and screens and of bare lamps, times white, and the spreads of their
-logarithms, without evidence from rims or the clip's other lamps: the former have 3 to 11, the latter 30 to
-over 1,000."""
+"""Prior median radiances, times white, and spreads of logarithms: of paper lanterns and screens, which have 3
+to 11, and of bare lamps, which have 30 to over 1,000."""
 PAINT = 0.25
-"""Prior probability that a blob is no brighter than recorded. With 0.25 and 0.5 lamps of 2 times white get
+"""Prior probability that a blob is no brighter than recorded. With 0.25 and 0.5, lamps of 2 times white get
 0.93 to 0.99 and 0.85 to 0.88 of their energy."""
 AREAS: Floats = np.geomspace(1.0, 512.0, 10)
-"""Clipped pixels of light sources: kinds differ in size, too."""
+"""Clipped pixels of light sources, by which kinds differ, too."""
 LIKE_AREA, LIKE_RADIANCE = 0.7, 0.25
-"""Logarithms of ratios of areas, and of radiances, within which light sources are of one kind."""
+"""Spreads of the logarithms of areas and of radiances within a kind."""
 KNOWN = 1.0
-"""As many light sources of the clip count as much as what is known of light sources before. Chosen by
-inspection."""
+"""Number of light sources of the clip that weigh as much as the prior. Chosen by inspection."""
 ROUNDS = 20
-"""Iterations of expectation maximisation."""
+"""Rounds of expectation maximisation."""
 TINT_AXES: Floats = np.array([[-0.42, 0.91], [0.91, 0.42]])
-"""Directions in the logarithms of red and of blue over green: along the colours of glowing bodies of 2,700 to
-10,000 K, linear sRGB, and across."""
+"""Axes in logarithms of red and blue over green, linear sRGB: black bodies (2,700 to 10,000 K); across."""
 TINT_MEAN: Floats = np.array([-0.35, 0.0])
 TINT_SPREAD: Floats = np.array([0.6, 0.45])
-"""Mean and standard deviation of light sources' colours in these: warm white, of about 4,000 K. Chosen by
-inspection."""
+"""Mean and deviation of light sources' colours on these axes: warm white, 4,000 K. Chosen by inspection."""
 TINT_RATIO = 0.5
-"""Standard deviation of the logarithm of a channel's ratio to the largest one in a rim. Chosen by
-inspection."""
+"""Standard deviation of the logarithm of a channel's ratio to the largest in a rim. Chosen by inspection."""
 LEAST_TINT, LEAST_DOUBT = 0.02, 0.2
-"""Least light of each channel of a rim, and its least error, relative to the largest channel."""
+"""Least value and least error of each channel, as shares of a rim's largest."""
 UNCLIPPED = 0.8
-"""Share of a blob's brightest channel below which another channel in its middle is not clipped: H.264, with
-colours at half the resolution, leaves 0.86 of a fully clipped one."""
+"""Share of a blob's brightest channel below which another is not clipped: if all are, H.264, with chroma at
+half the resolution, leaves one at 0.86 of the others."""
 
 
 @dataclass(frozen=True)
 class Lamps:
-    """The estimates from the rims of a picture's n blobs, as far as other frames need them."""
+    """Evidence from the rims of a picture's n blobs, for use in other frames."""
 
     centre: Map
     """(n, 2) x and y as shares of the picture's width and height."""
     area: Map
     """(n,) clipped pixels."""
     evidence: Map
-    """(n, r) logarithm of the likelihood of each of `RADIANCES`, over the largest one."""
+    """(n, r) log likelihood of each of `RADIANCES`, relative to the largest one."""
     tint: Map
-    """(n, 3) linear colour, its largest channel being 1."""
+    """(n, 3) linear colour, of which the largest channel is 1."""
 
     def __len__(self) -> int:
         return len(self.area)
 
 
 def kinds_of(frames: Sequence[Lamps]) -> Floats:
-    """Return the prior (a, r) of each of `RADIANCES` in a clip, for light sources of each of `AREAS`.
+    """Return (a, r) prior probabilities of `RADIANCES` in a clip, for each of `AREAS`.
 
-    It is an empirical Bayes prior from the rims in some frames, by expectation maximisation: Robbins, "An
-    empirical Bayes approach to statistics", 1956. Without rims it is `PRIOR`.
+    An empirical Bayes prior from the rims in some frames, by expectation maximisation: Robbins, "An empirical
+    Bayes approach to statistics", 1956. Without frames it is `PRIOR`.
     """
     base = _base()
     kinds = np.tile(base, (len(AREAS), 1))
@@ -84,7 +79,7 @@ def kinds_of(frames: Sequence[Lamps]) -> Floats:
     for _ in range(ROUNDS):
         own = likely * (near @ kinds)
         own /= own.sum(axis=1, keepdims=True)
-        # A light source is seen in each of the frames, and counts once.
+        # A light source that is seen in each of the frames counts once.
         kinds = KNOWN * base + near.T @ own @ _alike() / len(frames)
         kinds /= kinds.sum(axis=1, keepdims=True)
     return kinds
@@ -110,7 +105,7 @@ def tints(rim: Floats, doubt: Floats) -> Floats:
 
 
 def is_known(core: Floats) -> Mask:
-    """(..., 3) which channels of cores (..., 3) the camera did not clip."""
+    """Mark channels of cores (..., 3) that the camera did not clip."""
     return np.asarray(core < UNCLIPPED * core.max(axis=-1, keepdims=True))
 
 
@@ -128,7 +123,7 @@ def as_tinted(tint: Floats, core: Floats) -> Floats:
 
 @lru_cache
 def _base() -> Floats:
-    """(r,) how likely a radiance is before anything of the clip is looked at."""
+    """Return (r,) prior probabilities of radiances."""
     light = np.zeros(len(RADIANCES))
     for median, spread in PRIOR:
         light += np.exp(-((np.log(RADIANCES / median) / spread) ** 2) / 2) / spread
@@ -138,7 +133,7 @@ def _base() -> Floats:
 
 
 def by_area(area: Floats) -> Floats:
-    """(n, a) how much light sources of clipped pixels (n,) are of each of `AREAS`, sum 1."""
+    """Return (n, a) weights, of sum 1, of `AREAS` for light sources of (n,) clipped pixels."""
     away = np.log(np.maximum(area, 1)[:, None] / AREAS) / LIKE_AREA
     near = np.exp(-((away - away[np.arange(len(away)), np.abs(away).argmin(axis=1), None]) ** 2) / 2)
     return np.asarray(near / near.sum(axis=1, keepdims=True))
@@ -146,7 +141,7 @@ def by_area(area: Floats) -> Floats:
 
 @lru_cache
 def _alike() -> Floats:
-    """(r, r) shares by which a radiance belongs to the kind of another; paint is a separate kind."""
+    """Return (r, r) shares of radiances within a kind; paint is its own kind."""
     away = np.log(RADIANCES[:, None] / RADIANCES) / LIKE_RADIANCE
     near = np.exp(-(away**2) / 2)
     near[0, 1:] = near[1:, 0] = 0

@@ -1,16 +1,15 @@
-"""The brightness of the small clipped things of a picture: light sources, glints, specular edges.
+"""Brightness of the small clipped blobs of a picture: light sources, glints, specular edges.
 
-A camera records nothing over white, so a light source's blur disc is as dim as that of a sheet of paper. Its
-brightness can be estimated from its rim: partly covered pixels are not clipped, and a brighter source has a
-wider and steeper point spread at the level of clipping. A model of the source (its outline shrunk by some
-distance, one radiance, blurred by the point spread of the picture's sharpest edges, clipped) is compared with
-the pixels for every pair of distance and radiance.
+A clipped light source gets the dim blur disc of a sheet of paper, but its rim reveals its brightness: pixels
+that it partly covers are not clipped, and the brighter it is, the farther its point spread reaches at the
+clipping level and the steeper the picture falls off there. A model (the outline shrunk by some distance, one
+radiance, blurred by the point spread of the picture's sharpest edges, clipped) is compared to the pixels for
+all distances and radiances. It gives the *energy*: a light source covers fewer pixels than are clipped, so
+their count times its radiance is too much. If the rim is ambiguous, the radiance is near a prior (`PRIOR`).
 
-The result is the *energy*: the clipped pixels of a source cover more than the source, so that their count
-times its radiance is too much. Without evidence in the rim the radiance is near a prior (`PRIOR`). Masia et
-al., "Evaluation of reverse tone mapping through varying exposure conditions", 2009, compare rules of thumb
-for clipped areas; Banterle et al., "Inverse tone mapping", 2006, spread light from the brightest pixels.
-Neither keeps energy.
+Masia et al., "Evaluation of reverse tone mapping through varying exposure conditions", 2009, compare
+heuristics that brighten clipped areas; Banterle et al., "Inverse tone mapping", 2006, expand the brightest
+pixels. Neither preserves energy.
 """
 
 from __future__ import annotations
@@ -28,45 +27,42 @@ from .clipped_blobs import LUMA, PAD, Blobs, Patches, gaussian
 from .highlight_kinds import RADIANCES, UNCLIPPED, Lamps, as_tinted, by_area, is_known, tints
 
 MISFIT = 0.085
-"""Error of the model besides noise, in square roots of linear light, and error of a pixel from which it
-counts less. Chosen between 0.05 and 0.115 by `tests/frame/test_highlights.py` and
-`benchmarks.accuracy.highlight_radiance`; larger errors leave a lamp to the prior."""
+"""Errors in square roots of linear light: of the model beside noise; OUTLIER of a pixel before its weight
+falls. From 0.05 to 0.115 by `tests/frame/test_highlights.py` and `benchmarks.accuracy.highlight_radiance`."""
 OUTLIER = 0.2
 FINER = 4
-"""Parts of a pixel that outlines are sampled by."""
+"""Samples of outlines a pixel, along each axis."""
 STEP = 0.125
-"""Pixels from one distance to the next by which an outline is drawn in."""
+"""Pixels between the distances by which an outline is shrunk."""
 DISTANCES = (-0.75, 3.0)
-"""Pixels: least and largest distance that an outline is drawn in by. A point of 1,000 times white is clipped
-as far as 1.6 pixels with a spread of 0.42."""
+"""Bounds of this distance in pixels. A point of 1,000 times white is clipped up to 1.6 (spread 0.42)."""
 REACH = 4.0
-"""Spreads, to which an outline is drawn in at most: of an edge of 1,000 times white a camera clips 3.1."""
+"""Largest such distance in spreads: an edge of 1,000 times white is clipped up to 3.1."""
 SMOOTHED = 0.8
-"""Standard deviation in pixels by which an outline is smoothed: the better one of 0.5 and 0.8 in bars."""
+"""Standard deviation in pixels of the outlines' smoothing. In bars 0.8 is better than 0.5."""
 ROUND = 0.85
-"""Share of an outline and of the ellipse with its moments that both have, from which on it is that."""
+"""Least intersection over union of an outline and its moments' ellipse to be replaced by it."""
 EVERY = 2, 3
-"""Every so many-th distance and radiance is looked at first."""
+"""Steps of distance and radiance in the coarse pass."""
 UNLIKELY = 30.0
-"""Log-likelihood below the maximum from which models are not refined. With 12, 20 and 30 the light of a night
-street's lamps differs by 9, 0.08 and 0.001 % from the full search."""
+"""Log likelihood below the maximum beyond which values are not refined. With 12, 20 and 30 the light of a
+night street's lamps differs by 9, 0.08 and 0.001 % from that without a limit."""
 FAINT = 1e-6
-"""Share of a light source's radiance that counts as none: a thousandth of white of the brightest."""
+"""Negligible share of a light source's radiance: a thousandth of white for the brightest."""
 IMPOSSIBLE = -1e9
-"""Logarithm of a likelihood that counts as none."""
+"""Log likelihood of an impossible model."""
 AT_ONCE = 1 << 18
-"""Places at FINER times the pixels, by all distances, that are looked at at once, so that they stay in a
-processor's cache."""
+"""Samples of all distances processed at once, to fit a processor's cache."""
 
 
 @dataclass(frozen=True)
 class LostLight:
-    """The light that clipping took from a picture."""
+    """The light that clipping removed from a picture."""
 
     pixel: Indices
-    """(k,) counted along the picture's rows, rising."""
+    """(k,) increasing indices of pixels, row by row."""
     light: Map
-    """(k, 3) linear, what they are to have more."""
+    """(k, 3) linear light to add."""
 
 
 Told = tuple[Floats, Floats, Floats]
@@ -74,7 +70,7 @@ Told = tuple[Floats, Floats, Floats]
 
 
 def lamps(blobs: Blobs) -> Lamps:
-    """Return the estimates from the rims of blobs. Passes checkpoints."""
+    """Measure the rims of blobs; passes checkpoints."""
     evidence = np.zeros((len(blobs), len(RADIANCES)), np.float32)
     tint = np.zeros((len(blobs), 3), np.float32)
     for some, outlines in _modelled(blobs):
@@ -98,7 +94,7 @@ def lost_light(blobs: Blobs, threshold: float, told: Told, kinds: Floats) -> Los
     least = UNCLIPPED * threshold
     for some, outlines in _modelled(blobs):
         total, evidence, tint = (each[some.number] for each in told)
-        # A frame's own estimate flickers, so it counts less with more estimates of others.
+        # The more evidence other frames have, the less the frame itself counts: its own estimate flickers.
         share = 1 / (1 + total)[:, None]
         whole = total[:, None] + share
         evidence = (evidence + share * outlines.evidence) / whole
@@ -115,20 +111,20 @@ def lost_light(blobs: Blobs, threshold: float, told: Told, kinds: Floats) -> Los
 
 @dataclass(frozen=True)
 class _Outlines:
-    """Models of k blobs in patches (h, w), by d distances that their outlines are drawn in by."""
+    """Models of k blobs in patches (h, w), for d distances by which their outlines are shrunk."""
 
     coverage: Map
-    """(k, d, h, w) how much of its radiance arrives at each pixel."""
+    """(k, d, h, w) share of the radiance that reaches each pixel."""
     likelihood: Floats
-    """(k, d, r) logarithm, by that distance and radiance; `IMPOSSIBLE` of more than is inside."""
+    """(k, d, r) log likelihood by distance and radiance; `IMPOSSIBLE` for distances beyond the inside."""
     core: Floats
-    """(k, 3) as `Patches.core`."""
+    """(k, 3), see `Patches.core`."""
     tint: Floats
-    """(k, 3) as `Lamps.tint`."""
+    """(k, 3), see `Lamps.tint`."""
 
     @property
     def evidence(self) -> Floats:
-        """(k, r) as `Lamps.evidence`: whatever the outline is."""
+        """(k, r), see `Lamps.evidence`; the mean over outlines."""
         most = self.likelihood.max(axis=(1, 2), keepdims=True)
         mean = np.log(np.exp(self.likelihood - most).sum(axis=1) + 1e-300)
         return np.asarray(mean - mean.max(axis=1, keepdims=True))
@@ -144,7 +140,7 @@ class _Outlines:
         posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
         place = posterior @ np.log(RADIANCES) / posterior.sum(axis=1)
         radiance = np.exp(place)
-        # The outline that goes with it: between the radiances that were tried, of which it is a mean.
+        # Its outline is between those of the compared radiances, of which it is a mean.
         place = np.interp(place, np.log(RADIANCES), np.arange(len(RADIANCES)))
         low = np.minimum(place.astype(int), len(RADIANCES) - 2)
         share, each = (place - low)[:, None], np.arange(len(low))
@@ -158,14 +154,14 @@ class _Outlines:
 
 
 def _modelled(blobs: Blobs) -> Iterator[tuple[Patches, _Outlines]]:
-    """The blobs of a picture, some at a time, and their models."""
+    """Yield groups of a picture's blobs and their models."""
     # A pixel's own square is a part of the spread: a twelfth of its variance.
     optics = FINER * float(np.sqrt(max(blobs.spread**2 - 1 / 12, 0.01)))
     for patches in blobs.patches:
         inside = _inside(patches)
         deepest = np.clip(inside.max(axis=(1, 2)) - 0.1, 0, min(REACH * blobs.spread, DISTANCES[1]))
         count = ((deepest - DISTANCES[0]) / STEP + 1e-6).astype(int) + 1
-        # Those of as many distances together.
+        # Grouped by the number of distances.
         order = np.argsort(count, kind="stable")
         most = max(1, AT_ONCE // (int(count.max()) * inside[0].size))
         for first in range(0, len(order), most):
@@ -176,11 +172,7 @@ def _modelled(blobs: Blobs) -> Iterator[tuple[Patches, _Outlines]]:
 
 
 def _outlines(patches: Patches, inside: Map, steps: Indices, optics: float, clips: float) -> _Outlines:
-    """Models of k blobs with shrunk outlines.
-
-    Places (k, FINER h, FINER w) are `inside` of the outlines by so many pixels, each shrunk by `steps` (k,).
-    Optics blur by parts of a pixel; light of `clips` times the core's is clipped.
-    """
+    """Model k blobs by depths `inside` their outlines; `optics` in samples, light clipped at `clips`."""
     distances = (DISTANCES[0] + STEP * np.arange(steps.max())).astype(np.float32)
     drawn = FINER * inside[:, None] + (0.5 - FINER * distances[:, None, None])
     np.clip(drawn, 0, 1, out=drawn)
@@ -191,7 +183,7 @@ def _outlines(patches: Patches, inside: Map, steps: Indices, optics: float, clip
     tint = tints(patches.rim, patches.doubt)
     bright = _bright(RADIANCES[:, None, None], tint, patches.core)
     root = np.tensordot(LUMA, np.sqrt(np.maximum(patches.light, 0)), (0, 1))
-    # Pixels covered by all outlines, or by none, do not separate them.
+    # Pixels that every outline covers, or none, are uninformative.
     told = patches.used & (coverage[:, 0] > FAINT) & (coverage[:, -1] < 1 - FAINT)
     likelihood = np.full((*coverage.shape[:2], len(RADIANCES)), IMPOSSIBLE)
     hint = as_tinted(tint, patches.core)
@@ -204,17 +196,8 @@ def _outlines(patches: Patches, inside: Map, steps: Indices, optics: float, clip
 
 
 def _likelihood(coverage: Map, bright: Map, ground: Map, root: Map, spread: float, cap: np.float32) -> Floats:
-    """Log-likelihoods (d, r) of light sources.
-
-    Args:
-        coverage: (d, p) share of p pixels that they reach.
-        bright: (r, 3) their light.
-        ground: (3, p) background.
-        root: (p,) recorded luma of square roots of light.
-        spread: Expected error of the sum of squares.
-        cap: Level of clipping.
-    """
-    # Over the outlier's square root of light, so that nothing is to be scaled later.
+    """Return (d, r) log likelihoods of sources `bright` (r, 3) with coverage (d, p), given luma (p,)."""
+    # In units of the outlier's square root of light, so that no later scaling is needed.
     scale = (LUMA / OUTLIER) ** 2
     over = scale[:, None] * np.maximum(bright[:, :, None] - ground, 0)
     behind = scale[:, None] * ground
@@ -223,7 +206,7 @@ def _likelihood(coverage: Map, bright: Map, ground: Map, root: Map, spread: floa
     (rows, down), (columns, across) = _between(len(coverage), EVERY[0]), _between(len(over), EVERY[1])
     first = -_misfit(coverage[rows, None, None] * over[columns], behind, white, seen) / spread
     found = down @ first @ across.T
-    # Only what may be true is looked at more closely.
+    # Only likely models are refined.
     close = found > found.max() - UNLIKELY
     close[np.ix_(rows, columns)] = False
     row, column = np.nonzero(close)
@@ -232,21 +215,17 @@ def _likelihood(coverage: Map, bright: Map, ground: Map, root: Map, spread: floa
 
 
 def _misfit(light: Map, behind: Map, white: Map, seen: Map) -> Floats:
-    """(...) misfit of p pixels of light (..., 3, p), which is written over, against the seen luma (p,).
-
-    The background is `behind` (3, p), white is (3, 1). Channels count by the squares of their shares in luma,
-    errors in `OUTLIER`.
-    """
-    # In one array, and by functions that NumPy has vector instructions for: log1p has none.
+    """Return the error of p pixels of light (..., 3, p), which is overwritten, in units of `OUTLIER`."""
+    # In one array, and by functions with vector instructions in NumPy: log1p has none.
     light += behind
     np.minimum(light, white, out=light)
     np.sqrt(light, out=light)
     light = light[..., 0, :] + light[..., 1, :] + light[..., 2, :]
     light -= seen
-    # Cauchy's likelihood: a pixel that shows something else, such as a cord, does not decide alone.
+    # Cauchy's likelihood: a pixel of another object, such as a cord, does not decide alone.
     light *= light
     light += 1
-    # A float holds the product of 16 factors of 26 at most: one logarithm in place of 16.
+    # A float holds the product of 16 factors of at most 26: one logarithm in place of 16.
     for _ in range(4):
         half, rest = divmod(light.shape[-1], 2)
         if rest:
@@ -258,25 +237,21 @@ def _misfit(light: Map, behind: Map, white: Map, seen: Map) -> Floats:
 
 @lru_cache
 def _between(count: int, every: int) -> tuple[Indices, Floats]:
-    """Every so many-th of n values (c,), and the last one, and the matrix (n, c) of interpolation."""
+    """Return (c,) every n-th of `count` indices and the last, and the interpolation matrix (n, c)."""
     some = np.unique(np.append(np.arange(0, count, every), count - 1))
     return some, np.stack([np.interp(np.arange(count), some, one) for one in np.eye(len(some))], axis=1)
 
 
 def _bright(radiance: Floats, colour: Floats, core: Floats) -> Map:
-    """(..., 3) linear light of sources of radiances and colours (..., 3), recorded as `core` (..., 3).
-
-    An unclipped channel is known; a clipped one is at least its recorded value.
-    """
+    """Return (..., 3) light of sources; unclipped channels of `core` are known, others are minima."""
     expected = np.maximum(radiance * colour, core)
     return np.where(is_known(core), core, expected).astype(np.float32)
 
 
 def _inside(patches: Patches) -> Map:
-    """(k, FINER h, FINER w) distance inside of the outlines of blobs in patches (h, w), in pixels.
+    """Return (k, FINER h, FINER w) depths in pixels inside blobs' outlines, exact from -1 on.
 
-    It is negative outside, and exact from -1 on. An outline is that of a blob's pixels and half of those
-    beside it, smoothed, or its ellipse.
+    An outline holds a blob's pixels and parts of those beside it, smoothed, or is its ellipse.
     """
     peak, ground = patches.light.max(axis=1), patches.ground.max(axis=1)
     share = np.clip((peak - ground) / np.maximum(1 - ground, 0.05), 0, 1)
@@ -291,13 +266,10 @@ def _inside(patches: Patches) -> Map:
 
 
 def _ellipses(outline: Mask) -> tuple[Map, Mask]:
-    """(k, h, w) distance inside of the ellipses with the moments of outlines (k, h, w).
-
-    Distances are in parts of a pixel; also returns which outlines (k,) are elliptic.
-    """
+    """Return (k, h, w) depths in pixels inside ellipses with the moments of outlines, and which (k,) fit."""
     height, width = outline.shape[1:]
     shape = outline.astype(np.float32)
-    # Around the middle of the patch, so that the products of floats are exact.
+    # Around the patch's centre, so that the products of floats are exact.
     y, x = (np.arange(n, dtype=np.float32) - n // 2 for n in (height, width))
     across, down = shape.sum(axis=1, dtype=np.float64), shape.sum(axis=2, dtype=np.float64)
     count = across.sum(axis=1)
@@ -314,7 +286,7 @@ def _ellipses(outline: Mask) -> tuple[Map, Mask]:
     radius = np.sqrt(along * dx + beside * dy)
     ellipse = radius <= 1
     both, either = ((part).sum(axis=(1, 2)) for part in (ellipse & outline, ellipse | outline))
-    # To first order: how much is missing to 1 over how fast that grows.
+    # To first order: the distance of the radius from 1 over its slope.
     steep = np.maximum(np.sqrt(along**2 + beside**2), 1e-6) / np.maximum(radius, 1e-6)
     narrow = 2 * np.sqrt(np.linalg.eigvalsh(spread)[:, :1, None])
     found = np.minimum((1 - radius) / np.maximum(steep, 1e-6), narrow) / FINER
@@ -322,9 +294,9 @@ def _ellipses(outline: Mask) -> tuple[Map, Mask]:
 
 
 def _signed_distances(outline: Mask) -> Map:
-    """(k, h, w) parts of a pixel that places are inside of outlines (k, h, w), in pixels."""
+    """Return (k, h, w) depths in pixels inside outlines (k, h, w)."""
     around = FINER * PAD
-    # Below each other, so far apart that none sees the next.
+    # Stacked vertically, too far apart to affect each other.
     stack = np.pad(outline, ((0, 0), (around, around), (0, 0)))
     flat = stack.reshape(-1, stack.shape[2]).astype(np.uint8)
     within, beyond = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (flat, 1 - flat))
@@ -334,13 +306,13 @@ def _signed_distances(outline: Mask) -> Map:
 
 @lru_cache(maxsize=256)
 def _smoother(size: int) -> Map:
-    """(FINER n, n) matrix that makes n pixels in a row finer and smooths them."""
+    """Return the (FINER n, n) matrix that upsamples and smooths n pixels."""
     finer = np.repeat(np.eye(size), FINER, axis=0)
     return np.asarray(gaussian(FINER * size, FINER * SMOOTHED) @ finer, np.float32)
 
 
 @lru_cache(maxsize=256)
 def _shrunk(size: int, optics: float) -> Map:
-    """(n, FINER n) matrix that blurs a row by optics, in parts of a pixel, and makes n pixels of it."""
+    """Return the (n, FINER n) matrix that blurs samples by `optics` and averages them to n pixels."""
     pixels = np.repeat(np.eye(size), FINER, axis=1) / FINER
     return np.asarray(pixels @ gaussian(FINER * size, optics), np.float32)

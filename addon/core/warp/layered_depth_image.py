@@ -1,9 +1,9 @@
-"""A frame as surfaces in front of each other: the visible ones, and those behind its silhouettes.
+"""Layered depth image of a frame: the visible surfaces and those behind silhouettes.
 
-Shade, Gortler, He and Szeliski, "Layered depth images", 1998. Depths are disparities at the aperture's rim:
-the displacement of a pixel in a virtual camera there, relative to the focal plane (inverse depth, less that
-of the focal plane, times aperture radius times focal length). A bound in pixels then means the same for any
-scene and aperture, and float32 is exact where the picture is sharp.
+Shade, Gortler, He and Szeliski, "Layered depth images", 1998. Depths are disparities in pixels at the
+aperture's rim relative to the focal plane: (inverse depth - that of the focal plane) x aperture radius x
+focal length. So a bound in pixels fits any scene and aperture, and float32 is exact where the picture is
+sharp.
 """
 
 from __future__ import annotations
@@ -30,51 +30,49 @@ from .matting import (
 )
 
 Fill = Callable[[Map, Mask], tuple[LinearRGB, Mask]]
-"""Colours (H, W, 3) of a surface of disparities (H, W) where a mask (H, W) asks for them, and where (H, W)
-they are known."""
+"""Returns colours (H, W, 3) of a surface of disparities (H, W) in a mask (H, W), and known ones (H, W)."""
 EXTRAPOLATION = 16
-"""Pixels by which surfaces go on past a silhouette, more than a view sees of them: the widest cell of
-the mesh there, 2 ** `quadtree.COARSEST_AT_SILHOUETTES`."""
+"""Pixels by which surfaces extend past silhouettes, beyond any view: the widest cell of the mesh there, 2 **
+`quadtree.COARSEST_AT_SILHOUETTES`."""
 LEAST_SILHOUETTE = 32
-"""Pixels of a silhouette that is left for the next split; fewer are noise. Chosen by inspection."""
+"""Least pixels of a silhouette for the next split; fewer are noise. Chosen by inspection."""
 RISE = 0.5
-"""Share of the least jump by which a far surface may rise from pixel to pixel: diagonally 1.5 times that,
-still no jump."""
+"""Slope a pixel of a rising far surface, as a share of the least jump: diagonally half more and no jump."""
 
 
 @dataclass(frozen=True)
 class LayeredDepthImage:
-    """Two surfaces on the same raster; where there is no silhouette around they are the same one.
+    """Two surfaces on the same raster, which are equal away from silhouettes.
 
     Colours are linear and premultiplied, disparities in pixels at the aperture's rim.
     """
 
     front: LinearRGBA
-    """(H, W, 4) what the actual camera sees; a mixed pixel has the near surface's part, and its alpha."""
+    """(H, W, 4) the visible surface; in mixed pixels the near surface's share and alpha."""
     front_disparity: Map
-    """(H, W) disparity of the visible surface; mixed pixels are on the near surface."""
+    """(H, W) disparity of the visible surface; in mixed pixels that of the near one."""
     near_disparity: Map
     """(H, W) disparity of the near surface, extrapolated past its silhouettes."""
     is_far: Mask
-    """(H, W) pixels past a silhouette: the near surface is not there, and the far one is seen."""
+    """(H, W) pixels past a silhouette, where the far surface is visible."""
     mixed: Mask
-    """(H, W) mixed pixels: those of silhouettes, which two surfaces share."""
+    """(H, W) mixed pixels at silhouettes, which two surfaces share."""
     back: LinearRGBA
-    """(H, W, 4) the far surface where there are two, opaque."""
+    """(H, W, 4) the far surface, opaque."""
     back_disparity: Map
     """(H, W) disparity of the far surface, extrapolated behind the near one."""
     disoccluded: Mask
-    """(H, W) occluded pixels where a view may see the far surface behind the near one."""
+    """(H, W) occluded pixels in which a view may see the far surface."""
     reprojected: Mask
-    """(H, W) disoccluded pixels whose colour in `back` comes from other frames."""
+    """(H, W) disoccluded pixels whose colour in `back` is from other frames."""
     occluded: Mask
-    """(H, W) where the far surface is extrapolated behind the near one."""
+    """(H, W) pixels in which the far surface is extrapolated behind the near one."""
     jump: float
-    """Pixels by more than which disparity jumps at the silhouettes."""
+    """Pixels of disparity above which neighbours are cut."""
     margin_reprojected: Mask | None = None
-    """(H, W) past the border, where the colour comes from other frames; None without any."""
+    """(H, W) pixels past the border with colours from other frames; None without any."""
     drawn: Mask | None = None
-    """(H, W) pixels that triangles of the near surface cover, rim included; None before there are any."""
+    """(H, W) pixels covered by triangles of the near surface, rim included; None before triangulation."""
 
 
 def depth_peel(
@@ -159,7 +157,7 @@ def split(
     front[mixed, 3], front_disparity[mixed] = alpha, surfaces.near_disparity
     known = ~(beyond.occluded | sheer) | reprojected
     if opacity is not None and matte is not None and sheer.any():
-        # The colour behind a translucent pixel follows from the pixel.
+        # If the near surface is sheer, the pixel itself gives the colour behind.
         through = sheer & ~reprojected & (matte < MOST_THROUGH)
         near = inpainted(_colour(picture), opacity >= 1 - FAINTEST)
         colour[through] = behind(picture[through, :3], matte[through], near[through])
@@ -180,11 +178,7 @@ def split(
 
 
 def _matte(opacity: Map, disparity: Map, surfaces: Surfaces, jump: float) -> Map:
-    """(H, W) alpha of the near surface by a matte's opacity (H, W).
-
-    It covers fractions and the pixels beside them; it is NaN elsewhere, and where the near surface is not the
-    matte's.
-    """
+    """Return (H, W) alpha of the near surface around a matte's fractional opacity (H, W); NaN elsewhere."""
     covered = opacity > FAINTEST
     if not covered.any():
         return np.full(opacity.shape, np.nan, np.float32)
@@ -197,9 +191,9 @@ def _matte(opacity: Map, disparity: Map, surfaces: Surfaces, jump: float) -> Map
 
 
 def _without_ramps(disparity: Map, jump: float) -> Map:
-    """Disparities (H, W) without single pixels half way up a jump: they join the nearer surface."""
+    """Move single pixels half way up a jump of disparity (H, W) to the nearer side."""
     result = disparity.copy()
-    # The second time round, of the picture on its side.
+    # First the rows, then the columns.
     for values in (result, result.T):
         checkpoint(0.2)
         steps = np.diff(values, axis=0)[:, 1:-1]
@@ -214,7 +208,7 @@ def _without_ramps(disparity: Map, jump: float) -> Map:
 
 
 def _silhouettes(disparity: Map, jump: float) -> tuple[Mask, Mask]:
-    """(H, W) pixels on the near side of a jump, and on the far side of one, corners included."""
+    """Mark (H, W) pixels on the near and on the far side of jumps, corners included."""
     kernel = np.ones((3, 3), np.uint8)
     low, high = (np.asarray(f(disparity, kernel)) for f in (cv2.erode, cv2.dilate))
     return disparity - low > jump, high - disparity > jump
@@ -222,28 +216,28 @@ def _silhouettes(disparity: Map, jump: float) -> tuple[Mask, Mask]:
 
 @dataclass(frozen=True)
 class _Extrapolated:
-    """Both surfaces of a silhouette extrapolated past it."""
+    """Both surfaces of a silhouette, extrapolated past it."""
 
     near: Map
     """(H, W) disparity of the near surface."""
     far: Map
     """(H, W) disparity of the far surface."""
     is_far: Mask
-    """(H, W) pixels of the far surface that the near one was extrapolated over."""
+    """(H, W) pixels of the far surface over which the near one is extrapolated."""
     occluded: Mask
-    """(H, W) pixels of the near surface that the far one was extrapolated behind."""
+    """(H, W) pixels of the near surface behind which the far one is extrapolated."""
     disoccluded: Mask
     """(H, W) pixels of the near surface behind which a view may see the far one."""
 
 
 def _without_specks(lines: Mask, least: int) -> Mask:
-    """A mask (H, W) without connected pieces of fewer pixels than `least`."""
+    """Remove connected pieces of fewer than `least` pixels from a mask (H, W)."""
     _, label, found, _ = cv2.connectedComponentsWithStats(lines.astype(np.uint8), connectivity=8)
     return np.asarray(lines & (found[:, cv2.CC_STAT_AREA] >= least)[label])
 
 
 def _distance_along_surface(disparity: Map, others: Mask, jump: float) -> Map:
-    """(H, W) pixels to the nearest of a mask (H, W), infinite where that lies on another surface."""
+    """Return (H, W) distances in pixels to the mask `others`, infinite if it lies on another surface."""
     if not others.any():
         return np.full(disparity.shape, np.inf, np.float32)
     level, distance = of_nearest(disparity, others)
@@ -259,10 +253,9 @@ def _extrapolated(
     sheer: Mask,
     known: Map | None,
 ) -> _Extrapolated:
-    """The surfaces of the nearest silhouette at each pixel.
+    """Extrapolate the surfaces of the nearest silhouettes, up to the distance `away` (H, W) of others.
 
-    `away` (H, W) is the distance of other silhouettes; behind `sheer` pixels (H, W) the far surface is
-    visible at any distance. `known` (H, W) has its disparities, NaN where they are unknown.
+    Behind `sheer` pixels (H, W) there is no limit; `known` (H, W) is the far surface's disparity, or NaN.
     """
     seeds = np.zeros(disparity.shape, bool)
     near, far = disparity.copy(), disparity.copy()
@@ -296,7 +289,7 @@ def _extrapolated(
 
 
 def _beside(disparity: Map, among: Mask, jump: float) -> Mask:
-    """(H, W) pixels with a neighbour among others (H, W) on the same surface: it would tear between them."""
+    """Mark (H, W) pixels with a neighbour in `among` (H, W) on the same surface, which would tear apart."""
     found = np.zeros(disparity.shape, bool)
     checkpoint(0.4)
     for filtered, nothing in ((cv2.dilate, -np.inf), (cv2.erode, np.inf)):
@@ -306,10 +299,7 @@ def _beside(disparity: Map, among: Mask, jump: float) -> Mask:
 
 
 def _rising(behind: Map, disparity: Map, occluded: Mask, seeds: Mask, jump: float, slope: float) -> Map:
-    """(H, W) a far surface that rises to the near one where it ends, by `slope` pixels of disparity a pixel.
-
-    A jump there would be taken for another silhouette.
-    """
+    """Raise the rim of a far surface to the near one by a slope, against false silhouettes."""
     highest = cv2.dilate(np.where(occluded, disparity, -np.inf), np.ones((3, 3), np.uint8))
     rim = ~occluded & ~seeds & np.isfinite(highest) & (disparity >= highest - jump)
     if not rim.any():
@@ -319,7 +309,7 @@ def _rising(behind: Map, disparity: Map, occluded: Mask, seeds: Mask, jump: floa
 
 
 def _smoothed(disparity: Map, among: Mask, changed: Mask, jump: float) -> Map:
-    """Disparities (H, W) with extrapolated ones replaced by the mean around them."""
+    """Replace extrapolated disparities (H, W) by the mean of their surroundings."""
     mean = cv2.blur(np.where(among, disparity, 0), (5, 5)) / np.maximum(
         cv2.blur(among.astype(np.float32), (5, 5)), 1e-9
     )
@@ -327,12 +317,12 @@ def _smoothed(disparity: Map, among: Mask, changed: Mask, jump: float) -> Map:
 
 
 def _colour(picture: LinearRGBA) -> LinearRGB:
-    """(H, W, 3) a picture (H, W, 4) without its alpha."""
+    """Drop the alpha of a picture (H, W, 4)."""
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGBA2RGB), np.float32)
 
 
 def inpainted(colour: LinearRGB, known: Mask) -> LinearRGB:
-    """(H, W, 3) colours where they are known (H, W), elsewhere smoothly filled: push and pull.
+    """Fill unknown colours (H, W, 3) smoothly from known ones (H, W), by push-pull.
 
     Grossman and Dally, "Point sample rendering", 1998.
     """
@@ -357,5 +347,5 @@ def inpainted(colour: LinearRGB, known: Mask) -> LinearRGB:
 
 
 def _resized(colour: LinearRGB, shape: tuple[int, ...]) -> LinearRGB:
-    """(H, W, c) colours of a smaller picture, linear between its pixels."""
+    """Resample a small picture's colours (h, w, c) linearly."""
     return np.asarray(cv2.resize(colour, shape[::-1], interpolation=cv2.INTER_LINEAR).reshape(*shape, -1))

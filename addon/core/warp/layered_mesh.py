@@ -1,4 +1,4 @@
-"""The warp mesh of a frame whose every pixel's depth is known: layers in one mesh, with their picture."""
+"""Warp mesh and texture of a frame with dense depth: its layers in one mesh."""
 
 from __future__ import annotations
 
@@ -20,45 +20,42 @@ from .mesh import WarpMesh
 from .quadtree import DISOCCLUDED_ERROR, Surfaces, Triangles, triangulate
 
 FINER = 2
-"""Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
+"""Texels a pixel along each axis: a view interpolates with less loss."""
 _AWAY = np.arange(-3, 5) - 0.5
 _LANCZOS = np.sinc(_AWAY) * np.sinc(_AWAY / 4)
 HALFWAY = (_LANCZOS / _LANCZOS.sum()).astype(np.float32)
-"""(8,) Lanczos weights of the eight pixels around the middle between two, sum 1."""
+"""(8,) Lanczos weights, of sum 1, of the eight pixels around the middle between two."""
 
 TILE = 64
-"""Pixels across the tiles of a front that are refined or left empty: the coarsest cell of the mesh."""
+"""Side in pixels of the tiles of a front that are refined: the coarsest cell of the mesh."""
 SPARE = 16
-"""Pixels around the drawn part of a front that are refined, too, for the filter of its texture: an aperture's
-disc of 96 pixels in 16 views has footprints of 12."""
+"""Refined pixels around the drawn part of a front, for blur: a 96-pixel disc in 16 views blurs by 12."""
 ERROR = 0.33
-"""Pixels by which a view may see a place of the mesh beside where its depth puts it. Chosen by inspection,
-with bars and foreground of `python -m benchmarks.accuracy`: a third of a pixel of noise is no silhouette."""
+"""Largest error in pixels of the mesh in a view. Chosen by inspection, with bars and foreground of `python -m
+benchmarks.accuracy`: a third of a pixel of noise is no silhouette."""
 RELATIVE_ERROR = 0.03
-"""Error of a place in a view, as a share of its blur radius. Chosen by inspection."""
+"""Additional error as a share of the blur's radius. Chosen by inspection."""
 JUMP = 0.19
-"""Difference of displacement from which neighbours are cut apart, as a share of the largest blur radius.
-Chosen by inspection."""
+"""Displacement at which neighbours are cut, as a share of the largest blur's radius. Chosen by inspection."""
 JUMP_BOUNDS = (1.0, 3.0)
-"""Pixels: least and largest such displacement, whatever the blur is. Chosen by inspection."""
+"""Bounds of this jump in pixels. Chosen by inspection."""
 WIDEST = 0.25
-"""Share of the long side; surfaces displaced farther from the focal plane return to it. Chosen by
-inspection."""
+"""Limit of the displacement from the focal plane, as a share of the long side. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
 class LayeredMeshOptions:
-    """How exact a layered mesh is, and where it is cut."""
+    """The resolution of a layered mesh and its jumps."""
 
     first_jump: float = 0.5
-    """Share of the largest blur radius, without outliers, at which neighbours are cut first, so that three
-    surfaces can meet. By `python -m benchmarks.accuracy`, fence has 35.1 instead of 33.8 dB (32 px, true
-    depth), walk 42.1 instead of 41.6, with 3.6 instead of 13.0 % of the grid's triangles."""
+    """First jump, as a share of the largest blur's radius without outliers, so that three surfaces can meet.
+    By `python -m benchmarks.accuracy`: fence has 35.1 instead of 33.8 dB (32 px, true depth), walk 42.1
+    instead of 41.6, with 3.6 instead of 13.0 % of the grid's triangles."""
     largest_texture: int = 8_000_000
-    """Texels; a texture that would be larger stays as coarse as the frame, as from about 1280x720 on. Once it
-    is prefiltered, that costs 0.04 to 0.16 dB at 640x360 (bars, walk, fence, blocks, 32 px, 16 views) and
-    leaves a phone's frames the same to 60 dB; at 1920x1080 it saves a fifth of a frame's time and a third
-    of its memory (scratch scripts; `python -m benchmarks.timings.frame_costs`)."""
+    """Most texels; a larger texture, from about 1280x720 on, has the frame's resolution. Once prefiltered,
+    that costs 0.04 to 0.16 dB at 640x360 (bars, walk, fence, blocks, 32 px, 16 views) and leaves a phone's
+    frames equal to 60 dB; at 1920x1080 it saves a fifth of a frame's time and a third of its memory (scratch
+    scripts; `python -m benchmarks.timings.frame_costs`)."""
 
 
 def layer_mesh(
@@ -70,29 +67,25 @@ def layer_mesh(
     memory: ReusedMemory | None = None,
     beyond: float = 0.0,
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
-    """Make the mesh of a picture seen through a thin lens.
+    """Make the mesh of a picture through a thin lens, its texture (h, w, 4) and its layers, near to far.
 
-    Triangles are ordered from far to near (Shade et al., "Layered depth images", 1998). The mesh reaches past
-    the border as far as views see.
+    Triangles are ordered from far to near (Shade et al., "Layered depth images", 1998).
 
     Args:
-        picture: (H, W, 4) linear and premultiplied, shown by the canvas.
-        depth: Depth of its pixels, and past its border, not `ThinLens.untilted`.
+        picture: (H, W, 4) of the canvas, linear and premultiplied.
+        depth: Depth of its pixels and past its border, not `ThinLens.untilted`.
         thin_lens: Gives the displacement of pixels in views; the mesh's inverse depths are its `untilted`.
-        hidden: Returns other frames' colours for hidden pixels, also past the border; without it they are
-            extended from beside.
-        options: Limits.
-        memory: Memory of the texture; its own by default.
-        beyond: More pixels past the border, for a camera with another view.
-
-    Returns:
-        The mesh, its texture (h, w, 4), and the layers, near ones first.
+        hidden: Colours of other frames behind silhouettes and past the border; by default they are inpainted.
+        options: Resolution and jumps.
+        memory: Memory of the texture, by default new.
+        beyond: Pixels past the border besides those that the lens's views see, for cameras with another
+            direction.
     """
     reach, focus = WIDEST * max(picture.shape[:2]), thin_lens.disparity_scale * thin_lens.focus
     fill = None if hidden is None else _fill_of(hidden, picture, thin_lens)
 
     def relative(inverse_depth: Floats | Map) -> Map:
-        # Relative to the focal plane disparities are exact where it matters.
+        # Relative to the focal plane, disparities are exact in its vicinity.
         disparity = thin_lens.disparity(thin_lens.untilted_raster(inverse_depth))
         return np.clip(disparity - focus, -reach, reach).astype(np.float32)
 
@@ -108,11 +101,11 @@ def layer_mesh(
         checkpoint(0.05)
         margin_reprojected = _fill_margin(wide, shift, margin, past, fill)
     checkpoint(0.1)
-    # Pixels outside do not decide how the picture is split.
+    # The extension past the border does not influence the jumps.
     own = np.abs(shift[margin:-margin, margin:-margin])
     largest = float(own.max())
     jump = float(np.clip(JUMP * largest, *JUMP_BOUNDS))
-    # A few wrong depths must not decide the largest jump.
+    # Outliers of depth must not influence the first jump.
     typical_largest = float(np.percentile(own[::4, ::4], 99.9))
     first = options.first_jump * typical_largest
     jumps = (first, jump) if first > jump else (jump,)
@@ -130,7 +123,7 @@ def layer_mesh(
     checkpoint(0.75)
     for number, (split, (made, triangles)) in enumerate(zip(layers, found, strict=True)):
         surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
-        # Past its silhouettes the near surface is transparent.
+        # The near surface is transparent past its silhouettes.
         split.front[split.is_far & triangles.before] = 0
         drawn.append(triangles.before.copy())
         drawn[-1].ravel()[triangles.cut.ravel()] = True
@@ -143,13 +136,13 @@ def layer_mesh(
     )
     if len(pictures) * shift.size * FINER**2 > options.largest_texture:
         return mesh, np.concatenate([*fronts, pictures[-1]]), layers
-    # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
+    # A pixel's centre is a texel's centre: in the focal plane, views show the frame's own pixels.
     mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
     return mesh, _texture(pictures, fronts, drawn, memory or ReusedMemory()), layers
 
 
 def _fill_of(hidden: HiddenColours, picture: LinearRGBA, thin_lens: ThinLens) -> Fill:
-    """Hidden colours for a raster around the picture (H, W, 4), by disparity relative to the focal plane."""
+    """Adapt hidden colours to disparities on a raster around the picture (H, W, 4)."""
 
     def fill(disparity: Map, wanted: Mask) -> tuple[LinearRGB, Mask]:
         row, column = np.nonzero(wanted)
@@ -164,10 +157,7 @@ def _fill_of(hidden: HiddenColours, picture: LinearRGBA, thin_lens: ThinLens) ->
 
 
 def _visible_margin(past: Map | None, shape: tuple[int, ...]) -> int:
-    """Pixels past the border of a picture (h, w) that views see and that are known.
-
-    Disparities (h + 2 m, w + 2 m) are NaN where they are unknown.
-    """
+    """Return the pixels past the border (h, w) within which views see known disparities `past`, or NaN."""
     if past is None:
         return 0
     away = (
@@ -181,10 +171,9 @@ def _visible_margin(past: Map | None, shape: tuple[int, ...]) -> int:
 
 
 def _fill_margin(wide: LinearRGBA, shift: Map, margin: int, past: Map | None, fill: Fill) -> Mask:
-    """Write other frames' colours past the border into a picture; returns the pixels (H, W) with a colour.
+    """Write other frames' colours into the margins of a picture (H, W, 4), and its disparities (H, W).
 
-    Picture (H, W, 4) and disparities (H, W) have a `margin`. Pixels with a known disparity, `past` (h, w)
-    with the same centre, but without a colour are unchanged.
+    Returns known colours (H, W). `past` (h, w) has the same centre, and is not used without colours.
     """
     border = np.ones(shift.shape, bool)
     border[margin:-margin, margin:-margin] = False
@@ -219,9 +208,9 @@ def triangulated(
             snap(split.front_disparity), snap(split.near_disparity), snap(split.back_disparity),
             split.mixed, split.is_far, split.disoccluded,
         )  # fmt: skip
-        # Snapping can double what neighbours differ by.
+        # Snapping can double the differences of neighbours.
         jobs.append((made, 2 * split.jump, error))
-        # The rest is a guess here, or cannot be seen.
+        # The remaining surface is extrapolated or invisible here.
         error = error.copy()
         error[split.occluded & ~split.disoccluded] = np.inf
         error[split.disoccluded] *= np.float32(DISOCCLUDED_ERROR)
@@ -232,11 +221,10 @@ def triangulated(
 def _texture(
     pictures: list[LinearRGBA], fronts: list[LinearRGBA], drawn: list[Mask], memory: ReusedMemory
 ) -> LinearRGBA:
-    """(n h, w, 4) n - 1 fronts above each other and the last of n pictures (H, W, 4), twice as fine.
+    """Make the texture (n h, w, 4) of n - 1 fronts and the last of n pictures (H, W, 4), at `FINER`.
 
-    Each is interpolated where it is smooth: a front is the difference of its fine picture from the next one
-    behind it. Interpolated alone it would ring along every silhouette, where it ends. Fronts are empty where
-    they are not `drawn` (H, W).
+    A front is its picture's difference to the next one; interpolated alone it would ring along silhouettes.
+    Fronts are empty away from `drawn` (H, W).
     """
     height, width = (FINER * n for n in pictures[0].shape[:2])
     texture = memory.zeros((len(pictures), height, width, 4))
@@ -259,11 +247,11 @@ def _texture(
 
 
 def _spans(mask: Mask) -> list[tuple[slice, slice]]:
-    """Rows and columns of rectangles that hold all of a mask (H, W), `TILE` rows each."""
+    """Cover a mask (H, W) by rectangles of `TILE` rows."""
     height, width = mask.shape
     tiles = np.pad(mask, ((0, -height % TILE), (0, -width % TILE)))
     tiles = tiles.reshape(-(-height // TILE), TILE, -1, TILE).any(axis=(1, 3))
-    # Where a run of tiles in a row begins, and where it ends.
+    # Starts and ends of the runs of tiles in a row.
     steps = np.diff(np.pad(tiles, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     return [
         (slice(r * TILE, min((r + 1) * TILE, height)), slice(first * TILE, min(last * TILE, width)))
@@ -272,10 +260,7 @@ def _spans(mask: Mask) -> list[tuple[slice, slice]]:
 
 
 def _refine(picture: LinearRGBA, texture: LinearRGBA, span: tuple[slice, slice]) -> None:
-    """Write rows and columns of a picture (H, W, c), twice as fine, into (2 H, 2 W, c).
-
-    Every second pixel is its own, the others are Lanczos' interpolation, and not negative.
-    """
+    """Write a span of a picture (H, W, c) into (2 H, 2 W, c), with Lanczos interpolation, not negative."""
     checkpoint(0.9)
     reach = len(HALFWAY) // 2
     low = [max(0, part.start - reach) for part in span]
@@ -293,7 +278,7 @@ def _refine(picture: LinearRGBA, texture: LinearRGBA, span: tuple[slice, slice])
 def _subtract_behind(
     part: LinearRGBA, behind: LinearRGBA, alpha: Map, spans: list[tuple[slice, slice]]
 ) -> None:
-    """Subtract the picture behind from a fine front (2 H, 2 W, 4) of opacity (H, W), in rows and columns."""
+    """Reduce a refined picture (2 H, 2 W, 4) to its difference from the one behind, in spans."""
     clear = cv2.erode(alpha, np.ones((2, 2), np.uint8), anchor=(0, 0)) < 1
     within = np.zeros_like(clear)
     for span in spans:
@@ -315,11 +300,10 @@ def _subtract_behind(
 
 
 def _joined(surfaces: list[tuple[Map, Ints, int]], margin: int, focus: float, scale: float) -> WarpMesh:
-    """One mesh of surfaces on a texture with pictures below each other.
+    """Join surfaces (disparities (H, W), triangles (T, 3), number of the picture) to one mesh.
 
-    Each surface has disparities (H, W), triangles (T, 3) of pixels, and the number of its picture; the first
-    one has no holes. The raster is `margin` pixels larger than the canvas on every side. Disparity, relative
-    to that of the focal plane, is inverse depth over `scale`.
+    The first is complete. The raster exceeds the canvas by `margin`; inverse depth is (disparity + focus) /
+    scale.
     """
     height, width = surfaces[0][0].shape
     xy, texture, inverse, triangles = [], [], [], []
@@ -336,7 +320,7 @@ def _joined(surfaces: list[tuple[Map, Ints, int]], margin: int, focus: float, sc
         first += len(used)
     checkpoint(0.85)
     depth, joined = np.concatenate(inverse), np.concatenate(triangles)
-    # Half covered triangles come last; nearer opaque triangles hide them.
+    # Parts that may be half covered come last; complete triangles hide them where they are nearer.
     last = np.arange(len(joined)) >= len(triangles[0])
     order = np.lexsort((depth[joined].min(axis=1), last))
     return WarpMesh(np.concatenate(xy), np.concatenate(texture), depth, joined[order].astype(np.int32))

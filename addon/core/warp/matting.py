@@ -1,4 +1,4 @@
-"""Mixed pixels: how much of each the nearer one of the two surfaces covers that meet at a silhouette."""
+"""Matting of mixed pixels: alpha and colours of the two surfaces at a silhouette."""
 
 from __future__ import annotations
 
@@ -11,39 +11,38 @@ from ..base.arrays import Floats, Indices, LinearRGB, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
 
 CHUNK = 1 << 13
-"""Mixed pixels that are looked at at once, so that what is summed of them stays in a processor's cache."""
+"""Mixed pixels processed at once, so that their sums stay in a processor's cache."""
 SEEN_DOUBT = 0.05
-"""Variance of a background's colour that other frames saw, over that of the foreground's estimated one. On
-the composites of `alpha_crops` it gains 0.6 to 1.4 dB with found mattes and 0.8 to 3.6 dB with true ones."""
+"""Variance of background colours from other frames over that of estimated foreground colours. On the
+composites of `alpha_crops` it gains 0.6 to 1.4 dB with estimated mattes and 0.8 to 3.6 dB with true ones."""
 
 
 SEARCH_RADIUS = 3
-"""Pixels around a mixed one in which its two surfaces are looked for."""
+"""Pixels around a mixed one in which its surfaces are searched."""
 VARIANCE_WEIGHT = 4.0
-"""How much more a surface's colours vary across a silhouette than beside it, in variances. By eye, with
-bars and foreground of `python -m benchmarks.accuracy`."""
+"""Factor from the variance of colours beside a silhouette to that across it. Chosen by looking at frames,
+with bars and foreground of `python -m benchmarks.accuracy`."""
 THIN_PIXELS = 6
-"""Pixels that something thin must have near each other to be one. By eye, with the same scenes."""
+"""Least neighbouring pixels of a thin object. Chosen by looking at frames of the same scenes."""
 THIN_RADIUS = 7
-"""Pixels along something thin from which its colour is taken."""
+"""Pixels along a thin object that give its colour."""
 REPROJECTED_RESIDUAL = 0.05
-"""Distance of colours (linear light) by which other frames' background may explain a mixed pixel worse than
-the pixels beside it. With other frames' colours blocks go from 77 to 80 % of the gap to the oracle at edges
-(32 px, true depth)."""
+"""Distance of colours (linear light) by which colours of other frames may explain a mixed pixel worse than
+those beside it. Chosen by looking at frames; with other frames' colours blocks go from 77 to 80 % of the gap
+closed to the oracle at edges (32 px, true depth)."""
 MOST_THROUGH = 0.5
-"""Alpha of a given matte from which a pixel has no evidence about the colour behind it."""
+"""Alpha of a given matte from which on a pixel does not determine the colour behind it."""
 LEAST_CONTRAST = 0.02
-"""Distance of two colours (linear light) from which they determine a mixed pixel's alpha."""
+"""Least distance of two colours (linear light) that determines a mixed pixel's alpha."""
 
 
 @dataclass(frozen=True)
 class Surfaces:
-    """The two surfaces that share each of n mixed pixels, as they are beside them."""
+    """The two surfaces that share each of n mixed pixels, as seen beside them."""
 
     row: Indices
-    """(n,) of the mixed pixels."""
     column: Indices
-    """(n,) of the mixed pixels."""
+    """(n,) columns of the mixed pixels."""
     near: Floats
     """(n, 3) mean colour of the near surface."""
     far: Floats
@@ -57,18 +56,18 @@ class Surfaces:
     far_disparity: Floats
     """(n,) of the far surface, in pixels."""
     alpha: Floats
-    """(n,) alpha of the near surface by depth alone: 0 or 1."""
+    """(n,) of the near surface by its depth: 0 or 1."""
     exists: Mask
-    """(n,) whether there is a near surface: of something thin, too few pixels may be near each other."""
+    """(n,) whether there is a near surface: thin objects of too few pixels are dropped."""
 
 
 def surfaces_beside(picture: LinearRGBA, disparity: Map, mixed: Mask, jump: float) -> Surfaces:
-    """The surfaces beside the mixed pixels (H, W) of a picture (H, W, 4) with disparities (H, W)."""
+    """Find the surfaces beside mixed pixels (H, W) of a picture (H, W, 4) with disparities (H, W)."""
     row, column = np.nonzero(mixed)
     own = disparity[row, column]
     low, high = _extremes(disparity, row, column)
     middle = np.float32(0.5) * (high + low)
-    # Still nearer or farther pixels belong to a third surface.
+    # Disparities outside belong to a third surface.
     bounds = np.stack([low - np.float32(jump), middle, high + np.float32(jump)])
     radius = SEARCH_RADIUS
     sides = _sums(picture, disparity, ~mixed, row, column, bounds, radius)
@@ -87,7 +86,7 @@ def surfaces_beside(picture: LinearRGBA, disparity: Map, mixed: Mask, jump: floa
     )
     exists = np.ones(len(row), bool)
     exists[thin] = count >= THIN_PIXELS
-    # Thin objects are known by their colour alone.
+    # The presence of a thin object shows in its colour alone.
     alpha = ((own > middle) & ~thin).astype(np.float64)
     return Surfaces(
         row, column, near, far, near_variance, far_variance, near_disparity, far_disparity, alpha, exists
@@ -114,7 +113,7 @@ def with_reprojected(surfaces: Surfaces, colour: LinearRGB, far: LinearRGB, know
 
 
 def _on_line(colour: LinearRGB, near: Floats, far: Floats | LinearRGB) -> Floats:
-    """(n,) where colours (n, 3) lie on the line from far ones (n, 3), 0, to near ones (n, 3), 1."""
+    """Return (n,) positions of colours (n, 3) on the line from far ones, 0, to near ones, 1."""
     line = near - far
     return np.asarray(((colour - far) * line).sum(axis=1) / np.maximum((line**2).sum(axis=1), 1e-12))
 
@@ -136,7 +135,7 @@ def matted(colour: LinearRGB, surfaces: Surfaces) -> tuple[Map, LinearRGB, Linea
     far = surfaces.far
     length = ((surfaces.near - far) ** 2).sum(axis=1)
     alpha = _on_line(colour, surfaces.near, far)
-    # Where the surfaces look alike, or have many colours each, alpha follows from depth.
+    # If the surfaces have similar or varied colours, depth alone determines alpha.
     spread = VARIANCE_WEIGHT * (surfaces.near_variance + surfaces.far_variance)
     trust = length / (length + LEAST_CONTRAST**2 + spread)
     alpha = np.clip(trust * alpha + (1 - trust) * surfaces.alpha, 0, 1) * surfaces.exists
@@ -157,19 +156,19 @@ def behind(colour: LinearRGB, alpha: Map, near: LinearRGB) -> LinearRGB:
 
 
 def corrected(colour: LinearRGB, alpha: Map, near: LinearRGB, far: LinearRGB) -> LinearRGB:
-    """Correct a background's colour from other frames by the pixel itself.
+    """Correct a background's colours from other frames by the pixels themselves.
 
-    A difference is then part of the background where the foreground covers little: a crowd moves, and other
-    frames are registered to a pixel or two.
+    The remaining difference is attributed to the background at low alpha: crowds move, and other frames are
+    registered to a pixel or two.
 
     Args:
-        colour: (n, 3) the pixels.
+        colour: (n, 3) colours of the pixels.
         alpha: (n,) of the foreground.
         near: (n, 3) expected colour of the foreground.
-        far: (n, 3) colour of the background from other frames.
+        far: (n, 3) colour of the background in other frames.
 
     Returns:
-        (n, 3) the most likely colour of the background, if both have errors, by `SEEN_DOUBT`.
+        (n, 3) most likely background if both have errors, by `SEEN_DOUBT`.
     """
     own, rest = alpha[:, None], (1 - alpha)[:, None]
     missed = colour - own * near - rest * far
@@ -189,7 +188,7 @@ def parted(colour: LinearRGB, alpha: Map, far: Floats | LinearRGB) -> tuple[Line
         The premultiplied colour (n, 3) of the near surface, and the colour (n, 3) of the far one.
     """
     front = np.maximum(colour - (1 - alpha)[:, None] * far, 0)
-    # Where the pixel is darker than the far surface's share alone, that is darker there, too.
+    # A pixel darker than the far surface's share makes the far surface darker, too.
     far = np.minimum(far, colour / np.maximum(1 - alpha, 1e-6)[:, None])
     return front.astype(np.float32), far.astype(np.float32)
 
@@ -203,11 +202,7 @@ def _thin(
     jump: float,
     radius: int,
 ) -> tuple[Floats, Floats, Floats]:
-    """Colour (n, 3), its variance (n,), and the number (n,) of pixels of thin objects.
-
-    Their pixels are all mixed: colours are means along the object within a radius around n rows and columns,
-    as a single pixel may show more of the background. `near` (n,) is their disparity.
-    """
+    """Return mean colour (n, 3), variance (n,) and number of pixels (n,) along thin objects."""
     offset = np.arange(-radius, radius + 1)
     y = np.clip(row[:, None, None] + offset[:, None], 0, disparity.shape[0] - 1)
     x = np.clip(column[:, None, None] + offset, 0, disparity.shape[1] - 1)
@@ -222,21 +217,20 @@ def _thin(
 
 @dataclass(frozen=True)
 class _Sums:
-    """Weighted sums over pixels around n mixed ones, relative to those, so that float32 is enough."""
+    """Weighted sums over pixels around n mixed ones, relative to those for float32."""
 
     sums: Map
-    """(6, n) of weights, of the three channels of colours, of their squared lengths, and of disparities."""
+    """(6, n) of weights, three channels of colour, their squared lengths, and disparities."""
 
     @property
     def weight(self) -> Map:
-        """(n,) sum of weights."""
         return np.asarray(self.sums[0])
 
     def means(self, colour: LinearRGB, disparity: Map, otherwise: Map) -> tuple[Floats, Floats, Floats]:
-        """Return means (n, 3) and (n,) of colours and disparities, and the variance (n,) of colours.
+        """Return means of colours (n, 3) and disparities (n,), and the colours' variance (n,).
 
-        Without pixels the disparity is `otherwise` (n,), and the colour black. `colour` (n, 3) and
-        `disparity` (n,) are the mixed pixels' own.
+        `colour` (n, 3) and `disparity` (n,) are the mixed pixels' own. Without pixels, colour is black and
+        disparity `otherwise` (n,).
         """
         some = self.weight > 0
         mean = self.sums[1:].astype(np.float64) / np.where(some, self.weight, 1)
@@ -246,12 +240,12 @@ class _Sums:
 
 
 def _neighbours(row: Indices, column: Indices, dy: int, dx: int, shape: tuple[int, ...]) -> Indices:
-    """(n,) indices in a raveled raster of pixels' neighbours; past its border, the pixels at it."""
+    """Return (n,) indices of neighbours in a raveled raster, clipped to its border."""
     return np.clip(row + dy, 0, shape[0] - 1) * shape[1] + np.clip(column + dx, 0, shape[1] - 1)
 
 
 def _extremes(disparity: Map, row: Indices, column: Indices) -> tuple[Map, Map]:
-    """(n,) least and (n,) largest disparity of n pixels and those around."""
+    """Return the least and largest disparity (n,) within 3x3 pixels."""
     kernel = np.ones((3, 3), np.uint8)
     low, high = (f(disparity, kernel)[row, column] for f in (cv2.erode, cv2.dilate))
     return low, high
@@ -266,10 +260,10 @@ def _sums(
     bounds: Map,
     radius: int,
 ) -> tuple[_Sums, _Sums]:
-    """Sums over the pixels in a mask (H, W) around n mixed ones, of the near surface and of the far one.
+    """Sum over pixels in a mask (H, W) around n mixed ones, weighted by distance, for both surfaces.
 
-    The near one's disparities are above the middle of three bounds (3, n) and not above the last, the far
-    one's not above the middle and not below the first. A pixel counts by its distance.
+    The near one's disparities are between the last two of three bounds (3, n), the far one's between the
+    first two.
     """
     found = np.zeros((2, 6, len(row)), np.float32)
     colours, depths, counts = picture.reshape(-1, picture.shape[2]), disparity.ravel(), among.ravel()

@@ -1,7 +1,7 @@
-"""Warp meshes: the frame cut into textured triangles that know their inverse depth.
+"""Warp meshes: the frame as textured triangles with inverse depth.
 
-A triangle of a plane seen by two cameras with parallel axes is warped affinely, and its inverse depth is
-affine in the picture, so vertices in pixels with an inverse depth are all that a view needs.
+Between cameras with parallel axes, a plane's triangle is warped affinely and its inverse depth is affine in
+the picture, so pixels and inverse depths of vertices define all views.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from ..camera.canvas import Canvas
 from ..depth.sparse import DepthSamples, FrameFeatures
 
 MIN_FEATURES = 3
-"""Features that a triangle takes."""
+"""Features of a triangle."""
 MERGE = 0.5
-"""Pixels across a cell of which one feature is kept: closer ones would make slivers. Chosen by inspection."""
+"""Side in pixels of a cell that keeps one feature: closer ones would make slivers. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
@@ -29,26 +29,25 @@ class WarpMesh:
     """Triangles over the actual camera's canvas picture."""
 
     xy: Floats
-    """(V, 2) canvas pixels at which the actual camera sees the vertices."""
+    """(V, 2) canvas pixels of the vertices in the actual camera."""
     texture_xy: Floats
-    """(V, 2) pixels of the texture that are painted on the vertices: the canvas picture, or several below
-    each other, as fine or finer."""
+    """(V, 2) texture pixels of the vertices, in the canvas picture or several stacked, as fine or finer."""
     inverse_depth: Floats
-    """(V,) 1 / z of the vertices in the actual camera, in 1 / scene units; 0 is infinitely far."""
+    """(V,) 1 / z of the vertices in the actual camera, in 1 / scene units; 0 is at infinity."""
     triangles: Ints
     """(T, 3) rows of the vertices."""
 
 
 def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
-    """The baseline: Delaunay over the features, the four image corners mapped to themselves (section 3.7).
+    """Make the baseline mesh: Delaunay over the features and the four fixed image corners (section 3.7).
 
-    UserError where the frame has too few features, or they cannot be triangulated.
+    Raises UserError for too few features, or if they cannot be triangulated.
     """
     keep = distinct(features, canvas)
     width, height = canvas.pinhole.width, canvas.pinhole.height
     corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
     texture = np.concatenate([features.observed[keep], corners])
-    # Zero inverse depth keeps a corner where it is in every view.
+    # A corner of zero inverse depth is fixed in every view.
     return WarpMesh(
         xy=np.concatenate([features.projected[keep], corners]),
         texture_xy=texture,
@@ -58,10 +57,10 @@ def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
 
 
 def feature_mesh(features: DepthSamples, canvas: Canvas, margin: float) -> WarpMesh:
-    """Delaunay over the features, extrapolated past the border by `margin` pixels instead of pinned.
+    """Triangulate the features and a ring of vertices `margin` pixels past the border.
 
-    The ring of vertices outside takes its inverse depth from the features nearest to it. UserError where the
-    frame has too few features, or they cannot be triangulated.
+    The ring takes its inverse depth from the nearest features. Raises UserError for too few features, or if
+    they cannot be triangulated.
     """
     keep = distinct(features, canvas)
     inside, inverse = features.observed[keep], features.inverse_depth[keep]
@@ -94,11 +93,10 @@ def nearest_mean(places: Floats, values: Floats, wanted: Floats, count: int = 6)
 
 
 def delaunay(xy: Floats) -> Ints:
-    """Delaunay triangles (T, 3) of distinct points (n, 2) in pixels; their convex hull is covered.
+    """Triangulate distinct points (n, 2) in pixels by Delaunay (T, 3), covering their convex hull.
 
-    OpenCV's subdivision fails on some point sets and loses triangles at the hull of others, so the area is
-    checked, and on failure the points are moved by up to a tenth of a pixel and tried again. UserError where
-    that does not help.
+    OpenCV's subdivision fails on some point sets and loses triangles at the hull of others. So the area is
+    checked, and on failure the points are moved by up to a tenth of a pixel. Raises UserError if that fails.
     """
     hull = cv2.convexHull(xy.astype(np.float32))
     wanted = cv2.contourArea(hull)
@@ -117,9 +115,9 @@ def delaunay(xy: Floats) -> Ints:
 
 
 def _subdivide(xy: Map) -> Ints | None:
-    """OpenCV's Delaunay triangles (T, 3) of places (n, 2), None where it fails."""
+    """Return OpenCV's Delaunay triangles (T, 3) of points (n, 2), or None if it fails."""
     low, high = np.floor(xy.min(axis=0)), np.ceil(xy.max(axis=0))
-    # The subdivision's outer triangle must be far away, or it takes triangles of a long hull edge with it.
+    # The subdivision's outer triangle must be far away, or triangles at a long hull edge are lost.
     far = 64 * (high - low).max()
     origin = low - far
     size = (high - low) + 2 * far
@@ -140,7 +138,7 @@ def _subdivide(xy: Map) -> Ints | None:
 
 
 def _key(xy: Map) -> NDArray[np.complex128]:
-    """(n,) one number for each place (n, 2), by which places can be sorted and looked up."""
+    """Return (n,) sortable keys of positions (n, 2)."""
     return np.asarray(xy[:, 0].astype(np.float64) + 1j * xy[:, 1].astype(np.float64))
 
 
@@ -166,7 +164,7 @@ def distinct(features: DepthSamples, canvas: Canvas) -> Ints:
 
 
 def ring(canvas: Canvas, margin: float) -> Floats:
-    """(r, 2) vertices around the canvas, `margin` pixels outside, evenly spread."""
+    """Return (r, 2) evenly spaced vertices around the canvas, `margin` pixels outside."""
     width, height = canvas.pinhole.width, canvas.pinhole.height
     steps = max(4, round(12 * width / max(width, height))), max(4, round(12 * height / max(width, height)))
     across = np.linspace(-margin, width + margin, steps[0] + 1)

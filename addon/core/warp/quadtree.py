@@ -1,8 +1,8 @@
-"""Triangles over two surfaces on a raster: coarse where both are smooth, a pixel fine where need be.
+"""Quadtree triangulation of two surfaces on a raster: coarse where both are smooth, up to single pixels.
 
-Vertices lie at pixel centres. A cell with a silhouette in it is as coarse as any other where the near surface
-and the far one are smooth by themselves: both are drawn over all of it, and the near one's picture is
-transparent past the silhouette. Where three surfaces meet, cells a pixel wide are cut between them.
+Vertices are pixel centres. A cell across a silhouette can be coarse if both surfaces are smooth: both are
+drawn over all of it, and the near one's picture is transparent past the silhouette. Where three surfaces
+meet, cells of a pixel are cut between them.
 """
 
 from __future__ import annotations
@@ -16,60 +16,59 @@ from ..base.arrays import Indices, Ints, Map, Mask
 from ..base.progress import checkpoint
 
 CHUNK = 1 << 17
-"""Pixels of cells that are looked at at once, so that arrays of them stay in a processor's cache."""
+"""Pixels of cells processed at once, to fit a processor's cache."""
 COARSEST = 6
-"""A cell is at most 2 to this power pixels wide. Chosen by inspection."""
+"""Largest cell in powers of 2 pixels. Chosen by inspection."""
 COARSEST_AT_SILHOUETTES = 4
-"""A cell with a silhouette is at most 2 to this power pixels wide: so far surfaces go on past it."""
+"""Largest cell with a silhouette, in powers of 2 pixels: the reach of extrapolated surfaces."""
 SILHOUETTE_ERROR = 6
-"""Times the error that is allowed where depth jumps. With it bars take 4.9 instead of 7.1 % of the grid's
-triangles from the video alone, foreground 8.1 instead of 13.2, both without loss."""
+"""Factor to the allowed error at depth jumps. With it bars take 4.9 instead of 7.1 % of the grid's triangles
+from the video alone, foreground 8.1 instead of 13.2, both without loss."""
 DISOCCLUDED_ERROR = 24
-"""Times the error that is allowed where depth is extrapolated, as it is a guess. Chosen by inspection."""
+"""Factor to the allowed error of extrapolated depth. Chosen by inspection."""
 BEND = 0.5
-"""Share of a change of depth that must not be straight on to be a small jump. Chosen by inspection."""
+"""Least bent share of a change of depth that is a small jump. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Two surfaces on a raster, their depths all in one unit, whatever it is."""
+    """Two surfaces on a raster, with depths in any common unit."""
 
     own: Map
-    """(H, W) depth of the visible surface; mixed pixels are on the near surface."""
+    """(H, W) depth of the visible surface; mixed pixels have the near one's."""
     near: Map
-    """(H, W) depth of the near surface, extrapolated past silhouettes; elsewhere that of the visible one."""
+    """(H, W) depth of the near surface, extrapolated past silhouettes; elsewhere `own`."""
     far: Map
-    """(H, W) depth of the far surface, extrapolated behind the near one; elsewhere that of the visible
-    one."""
+    """(H, W) depth of the far surface, extrapolated behind the near one; elsewhere `own`."""
     mixed: Mask
-    """(H, W) mixed pixels: those of silhouettes."""
+    """(H, W) mixed pixels at silhouettes."""
     is_far: Mask
-    """(H, W) where the near surface is extrapolated, and cannot be seen."""
+    """(H, W) pixels in which the near surface is extrapolated and invisible."""
     disoccluded: Mask
-    """(H, W) where the far surface is extrapolated, and may be seen by some view."""
+    """(H, W) pixels in which the far surface is extrapolated and may be visible."""
 
 
 @dataclass(frozen=True)
 class Triangles:
-    """Triangles of two surfaces, by the indices of their pixels in the raveled raster."""
+    """Triangles of two surfaces, as pixel indices in the raveled raster."""
 
     far: Ints
-    """(T, 3) of the far surface, which is everywhere and in one piece."""
+    """(T, 3) of the far surface, which is complete and connected."""
     near: Ints
-    """(T, 3) of the near surface before it."""
+    """(T, 3) of the near surface."""
     cut: Ints
-    """(T, 3) triangles of the visible surface where two surfaces do not suffice."""
+    """(T, 3) of the visible surface where more than two meet."""
     before: Mask
-    """(H, W) the pixels that the near surface's triangles cover, their rim included."""
+    """(H, W) pixels covered by the near surface's triangles, rim included."""
 
 
 def triangulate(surfaces: Surfaces, jump: float, error: float | Map) -> Triangles:
-    """Triangles that interpolate the surfaces within `error`, one or of every pixel (H, W), in their unit.
+    """Triangulate surfaces within `error`, one for all or each pixel (H, W), in their unit.
 
-    Neighbours (diagonal ones too) whose depths are more than `jump` apart are not connected. A restricted
-    quadtree: neighbouring cells differ by at most one level, and a cell's triangles fan out to the middle of
-    every side that has finer ones beyond, so there are no cracks.
-    Herzen and Barr, "Accurate triangulations of deformed, intersecting surfaces", 1987.
+    Neighbours, also diagonal ones, whose depths differ by more than `jump` are not connected. In a restricted
+    quadtree neighbouring cells differ by at most one level, and a cell's triangles fan out to the middle of
+    each side with finer neighbours, so there are no cracks. Herzen and Barr, "Accurate triangulations of
+    deformed, intersecting surfaces", 1987.
     """
     height, width = surfaces.own.shape
     coarsest = COARSEST
@@ -107,10 +106,7 @@ def triangulate(surfaces: Surfaces, jump: float, error: float | Map) -> Triangle
 
 
 def _padded(surfaces: Surfaces, coarsest: int) -> Surfaces:
-    """Surfaces extended to multiples of the coarsest cell's side, plus one.
-
-    Cells reach past the border, where surfaces continue straight on.
-    """
+    """Extrapolate surfaces linearly to sides that are multiples of the coarsest cell's, plus one."""
     height, width = surfaces.own.shape
     rows, columns = (-(-(n - 1) >> coarsest) << coarsest for n in (height, width))
     beyond = ((0, rows + 1 - height), (0, columns + 1 - width))
@@ -125,7 +121,7 @@ def _padded(surfaces: Surfaces, coarsest: int) -> Surfaces:
 
 
 def _back(triangles: Ints, padded: int, height: int, width: int) -> Ints:
-    """Triangles of a raster `padded` pixels wide in one of (height, width): moved back onto the border."""
+    """Move triangles from a raster `padded` pixels wide back to one of (height, width)."""
     row, column = np.divmod(triangles, padded)
     row, column = np.minimum(row, height - 1), np.minimum(column, width - 1)
     area = (column[:, 1] - column[:, 0]) * (row[:, 2] - row[:, 0])
@@ -134,46 +130,43 @@ def _back(triangles: Ints, padded: int, height: int, width: int) -> Ints:
 
 
 def _of_corners[T: np.generic](values: NDArray[T], combine: np.ufunc) -> NDArray[T]:
-    """(H - 1, W - 1) values (H, W) at the corners of the cells a pixel wide, combined."""
+    """Combine values (H, W) at the corners of cells a pixel wide, as (H - 1, W - 1)."""
     rows = combine(values[:-1], values[1:])
     return np.asarray(combine(rows[:, :-1], rows[:, 1:]))
 
 
 def _halved[T: np.generic](cells: NDArray[T], combine: np.ufunc) -> NDArray[T]:
-    """(R, C) values of the finer cells (2 R, 2 C) in each, combined."""
+    """Combine values of finer cells (2 R, 2 C) to (R, C)."""
     rows = combine(cells[::2], cells[1::2])
     return np.asarray(combine(rows[:, ::2], rows[:, 1::2]))
 
 
 def _range(depth: Map) -> Map:
-    """(H - 1, W - 1) by how much depth (H, W) changes over cells a pixel wide."""
+    """Return (H - 1, W - 1) changes of depth (H, W) over cells a pixel wide."""
     return _of_corners(depth, np.maximum) - _of_corners(depth, np.minimum)
 
 
 def _bent(depth: Map) -> Map:
-    """(H - 1, W - 1) by how much depth does not go straight on at the corners of cells a pixel wide."""
+    """Return (H - 1, W - 1) second differences of depth (H, W) at the corners of cells."""
     across = np.abs(np.diff(depth, 2, axis=1, prepend=depth[:, :1], append=depth[:, -1:]))
     down = np.abs(np.diff(depth, 2, axis=0, prepend=depth[:1], append=depth[-1:]))
     return _of_corners(np.maximum(across, down), np.maximum)
 
 
 def _any(mask: Mask) -> Mask:
-    """(H - 1, W - 1) cells with a corner in a mask (H, W)."""
+    """Mark (H - 1, W - 1) cells with a corner in a mask (H, W)."""
     return _of_corners(mask, np.logical_or)
 
 
 def _allowed(error: float | Map, shape: tuple[int, int], cells: tuple[int, ...]) -> Map:
-    """(H - 1, W - 1) the allowed error of each cell a pixel wide, constant past the border (H, W)."""
+    """Return (H - 1, W - 1) allowed errors of cells a pixel wide, repeated past the border (H, W)."""
     beyond = [(0, n + 1 - size) for n, size in zip(cells, shape, strict=True)]
     whole = np.pad(np.broadcast_to(np.asarray(error, np.float32), shape), beyond, mode="edge")
     return _of_corners(whole, np.minimum)
 
 
 def _split(raster: Surfaces, whole: Mask, error: Map) -> list[Mask]:
-    """For each level the cells (R, C) that need finer ones.
-
-    `whole` (H - 1, W - 1) marks connected cells a pixel wide, `error` (H - 1, W - 1) is their allowed error.
-    """
+    """Mark cells (R, C) of each level to be split, by connected pixels `whole` and allowed errors."""
     split = [np.zeros_like(whole)]
     doubled = _any((raster.near != raster.far) & ~raster.is_far)
     silhouette = ~whole
@@ -198,7 +191,7 @@ def _split(raster: Surfaces, whole: Mask, error: Map) -> list[Mask]:
         one = ~silhouette & ~doubled
         if level > COARSEST_AT_SILHOUETTES:
             needed |= silhouette
-        # Triangles between the corners miss no more than the whole range.
+        # The error between corners is at most the whole range.
         rough = np.nonzero(one & ~needed & (high - low > error))
         allowed = np.where(steep, SILHOUETTE_ERROR, 1)[rough] * error[rough]
         needed[rough] = _worst(raster.own, None, rough, level) > allowed
@@ -213,16 +206,13 @@ def _split(raster: Surfaces, whole: Mask, error: Map) -> list[Mask]:
 
 
 def _worst(depth: Map, weight: Map | None, cells: tuple[Indices, ...], level: int) -> Map:
-    """(n,) largest error of a cell's two triangles, or of a fan of its sides' middles.
-
-    Errors are those of the depths within the cell, times their weights (H, W).
-    """
+    """Return (n,) largest errors of depth, by weight (H, W), in cells of two triangles or any fan."""
     if not len(cells[0]):
         return np.zeros(0, np.float32)
     size = 1 << level
     share = np.arange(size + 1) / size
     x, y = (part.ravel() for part in np.meshgrid(share, share))
-    # The diagonal goes from b to c, as in `_cells`.
+    # The diagonal runs from b to c, as in `_cells`.
     upper = np.stack([1 - x - y, x, y, 0 * x])
     lower = np.stack([0 * x, 1 - y, 1 - x, x + y - 1])
     plane = np.where(x + y <= 1, upper, lower).astype(np.float32)
@@ -242,17 +232,17 @@ def _worst(depth: Map, weight: Map | None, cells: tuple[Indices, ...], level: in
 
 
 def _blocks[T: np.generic](raster: NDArray[T], size: int) -> NDArray[T]:
-    """(R, C, size + 1, size + 1) pixels of each cell of a raster (H, W), with a shared rim."""
+    """Return (R, C, size + 1, size + 1) pixels of each cell of a raster (H, W), with shared rims."""
     return np.lib.stride_tricks.sliding_window_view(raster, (size + 1, size + 1))[::size, ::size]
 
 
 def _children(cells: Mask, levels: int = 1) -> Mask:
-    """Cells of finer levels, each of a mask (R, C) halved so many times."""
+    """Refine a mask of cells (R, C) by `levels`."""
     return np.repeat(np.repeat(cells, 1 << levels, axis=0), 1 << levels, axis=1)
 
 
 def _cells(leaf: Mask, split: Mask, level: int, width: int) -> Ints:
-    """Triangles (T, 3) of the leaves (R, C) of a level; the middles of sides with finer cells take part."""
+    """Make triangles (T, 3) of a level's leaves (R, C), with the middles of sides that have finer cells."""
     wide = np.pad(split, 1)
     sides = wide[:-2, 1:-1], wide[1:-1, 2:], wide[2:, 1:-1], wide[1:-1, :-2]
     pattern = np.sum([side.astype(np.int64) << n for n, side in enumerate(sides)], axis=0)
@@ -268,7 +258,7 @@ def _cells(leaf: Mask, split: Mask, level: int, width: int) -> Ints:
 
 
 def _fan(kind: int) -> NDArray[np.int64]:
-    """(t, 3, 2) rows and columns of a cell's triangles, in half cells; bit n of `kind` refines side n."""
+    """Return (t, 3, 2) triangles of a cell in half cells (row, column); bit n of `kind` refines side n."""
     if not kind:
         return np.array([[(0, 0), (0, 2), (2, 0)], [(0, 2), (2, 2), (2, 0)]])
     corners, middles = ((0, 0), (0, 2), (2, 2), (2, 0)), ((0, 1), (1, 2), (2, 1), (1, 0))
@@ -277,14 +267,14 @@ def _fan(kind: int) -> NDArray[np.int64]:
 
 
 def _squares(leaf: Mask, width: int) -> Ints:
-    """Two triangles (T, 3) for each cell (H - 1, W - 1) a pixel wide."""
+    """Make two triangles (T, 3) for each cell (H - 1, W - 1) a pixel wide."""
     row, column = np.nonzero(leaf)
     corner = (row * width + column)[:, None]
     return np.concatenate([corner + rows for rows in ([0, 1, width], [1, width + 1, width])])
 
 
 def _held(leaf: Mask, depth: Map, jump: float) -> Ints:
-    """Triangles (T, 3) of connected pixels in cells (H - 1, W - 1) a pixel wide, three or four of them."""
+    """Make triangles (T, 3) of three or four connected pixels in cells (H - 1, W - 1) a pixel wide."""
     width = depth.shape[1]
     row, column = np.nonzero(leaf)
     corner = (row * width + column)[:, None] + [0, 1, width, width + 1]

@@ -1,9 +1,9 @@
-"""Rasterisation of a mesh's values.
+"""Rasterisation of a mesh's values at pixel centres.
 
-`cv2.triangleRasterizeDepth` is 4 to 20 times faster, but has no tolerance and works in float32: for meshes
-with vertices in the middles of pixels, as layers have, it leaves holes and shows the far surface at 437 of
-960x720 pixels. Drawn four times, moved by a thousandth of a pixel each, it has no holes and errors up to
-1e-4, but is not faster where triangles are small (57 ms for 8,064).
+`cv2.triangleRasterizeDepth` is 4 to 20 times faster, but has no tolerance and uses float32: meshes whose
+vertices are pixel centres, as layers' are, get holes and show the far surface at 437 of 960x720 pixels. Drawn
+four times, each moved by a thousandth of a pixel, it is complete with errors up to 1e-4, but no faster for
+small triangles (57 ms for 8,064).
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ import numpy as np
 from ..base.arrays import Floats, Ints
 
 SAMPLES = 2_000_000
-"""Places that are looked at at once, so that arrays of them take tens of megabytes."""
+"""Samples processed at once, in arrays of tens of megabytes."""
 EDGE = 1e-9
-"""Barycentric coordinate outside a triangle that is still on its side: a few roundings of float64."""
+"""Tolerance of barycentric coordinates: a few roundings of float64."""
 
 
 def at_pixels(xy: Floats, values: Floats, triangles: Ints, shape: tuple[int, int]) -> Floats:
-    """(H, W) values at the middles of the pixels, NaN where no triangle is, the largest where there are more.
+    """Interpolate values (V,) of vertices (V, 2) in pixels over triangles (T, 3) at pixel centres, (H, W).
 
-    `values` (V,) belong to vertices (V, 2) in pixels and are linear over triangles (T, 3).
+    The result is NaN without a triangle, and the largest value of several.
     """
     result = np.full(shape[0] * shape[1], -np.inf)
-    # From here on a pixel's middle is a whole number.
+    # From here on, pixel centres are whole numbers.
     corners = xy[triangles] - 0.5
     (a, b, c), at_corners = corners.swapaxes(0, 1), values[triangles]
     area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
@@ -55,11 +55,7 @@ def _draw(
     high: Ints,
     size: int,
 ) -> None:
-    """Draw n triangles into a raveled picture.
-
-    Triangles (n, 3, 2) have values (n, 3), twice their areas (n,), and first and last column and row (n, 2);
-    each has at most size x size pixels.
-    """
+    """Draw n triangles (n, 3, 2), of at most size x size pixels each, into a raveled picture."""
     step = np.arange(size)
     x, y = low[:, 0, None, None] + step, low[:, 1, None, None] + step[:, None]
     inside = (x <= high[:, 0, None, None]) & (y <= high[:, 1, None, None])

@@ -1,4 +1,4 @@
-"""Another frame's view of places of known depth in a frame, and its colours there."""
+"""Visibility and colour of a frame's positions in other frames."""
 
 from __future__ import annotations
 
@@ -12,25 +12,23 @@ from ..camera.reconstruction import Image, Intrinsics
 from ..depth.view_selection import relative_pose
 
 CHUNK = 1 << 14
-"""Places that are looked up at once, so that what is computed of them stays in a processor's cache; OpenCV's
-`remap` takes 32,766 in a row at most. Half and twice as many take as long, ten times as many a third longer
-(fence, 1920x1080)."""
+"""Positions processed at once, to fit a processor's cache; OpenCV's `remap` takes at most 32,766 in a row.
+Half and twice as many take as long, ten times as many a third longer (fence, 1920x1080)."""
 
 
 @dataclass(frozen=True)
 class Places:
-    """Places that a pinhole sees, with their depth."""
+    """Positions in a pinhole's picture, with depth."""
 
     x: Map
-    """(n,) pixels from the pinhole picture's left edge."""
+    """(n,) pixels from the left edge."""
     y: Map
-    """(n,) pixels from its top edge."""
+    """(n,) pixels from the top edge."""
     inverse: Map
     """(n,) inverse depth, 1 / scene units."""
 
     @classmethod
     def of(cls, xy: Floats, inverse: Floats) -> Places:
-        """At pixels (n, 2) with inverse depths (n,)."""
         x, y = np.asarray(xy, np.float32).T
         return cls(x, y, np.asarray(inverse, np.float32))
 
@@ -38,38 +36,35 @@ class Places:
         return len(self.x)
 
     def among(self, which: slice | Mask | Indices) -> Places:
-        """The places of a mask (n,), a slice or row numbers (k,)."""
+        """Select positions by a mask (n,), a slice or indices (k,)."""
         return Places(self.x[which], self.y[which], self.inverse[which])
 
 
 @dataclass(frozen=True)
 class Reprojection:
-    """The places of a pinhole's pixels in another camera.
+    """Projection from a pinhole into another camera.
 
-    The homography of the plane at infinity, plus parallax (Irani and Anandan, "A unified approach to moving
-    object detection in 2D and 3D scenes", 1998).
+    It is the homography of the plane at infinity, plus parallax (Irani and Anandan, "A unified approach to
+    moving object detection in 2D and 3D scenes", 1998).
     """
 
     homography: Map
-    """(3, 3) homogeneous pixels of the other camera of those at infinity; if its lens is distorted, rays."""
+    """(3, 3) to homogeneous pixels of the other camera; to rays if its lens is distorted."""
     parallax: Map
-    """(3,) what is added to those for an inverse depth of one."""
+    """(3,) added to those for inverse depth 1."""
     camera: Intrinsics
     """The other camera."""
 
     @classmethod
     def between(cls, image: Image, pinhole: Intrinsics, other: Image, camera: Intrinsics) -> Reprojection:
-        """From the pinhole of an image to the lens of another."""
+        """Make the projection from the pinhole of an image to the lens of another."""
         rotation, translation = relative_pose(image, other)
         there = np.eye(3) if camera.is_distorted else _matrix(camera)
         homography = there @ rotation @ np.linalg.inv(_matrix(pinhole))
         return cls(homography.astype(np.float32), (there @ translation).astype(np.float32), camera)
 
     def __call__(self, places: Places) -> tuple[Map, Map, Map]:
-        """Return x and y (n,) in pixels of the other picture, and the ratio (n,) of both depths.
-
-        They are NaN behind the other camera.
-        """
+        """Return x and y (n,) in pixels of the other picture, NaN behind it, and the ratio of depths (n,)."""
         x, y, ratio = (
             row[0] * places.x + row[1] * places.y + (row[2] + parallax * places.inverse)
             for row, parallax in zip(self.homography, self.parallax, strict=True)
@@ -84,24 +79,20 @@ class Reprojection:
 
 @dataclass(frozen=True)
 class SourceView:
-    """A source frame of colours."""
+    """A source frame's picture and visibility."""
 
     frame: int
-    """Number of the source frame."""
     reprojection: Reprojection
-    """Gives the frame's pixels in the other picture."""
+    """From the filled frame into this one."""
     picture: LinearRGB
-    """(h, w, 3) its picture, at any size."""
+    """(h, w, 3) linear picture at any size."""
     hides: Map
-    """(H, W) least inverse depth of its pixels at which something is not hidden, infinite where it moves."""
+    """(H, W) least inverse depth of unoccluded positions, infinite for moving objects."""
     gain: Map
-    """(3,) by how much the frame that asks is brighter."""
+    """(3,) ratio of the filled frame's exposure to this one's."""
 
     def colours(self, places: Places) -> Map:
-        """Return the linear colours (3, n) of places of the frame, matched to its brightness.
-
-        They are infinite where the other frame does not see them.
-        """
+        """Return (3, n) linear colours at positions of the filled frame, in its exposure, or infinity."""
         x, y, ratio = self.reprojection(places)
         height, width = self.hides.shape
         inside = np.flatnonzero((x >= 0.5) & (x <= width - 0.5) & (y >= 0.5) & (y <= height - 0.5))
@@ -118,5 +109,5 @@ class SourceView:
 
 
 def _matrix(camera: Intrinsics) -> Floats:
-    """(3, 3) calibration matrix K of a pinhole."""
+    """Return a pinhole's calibration matrix K (3, 3)."""
     return np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
