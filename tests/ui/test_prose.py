@@ -26,6 +26,7 @@ BANNED = {
     r"(^|[.;] )(Where|Whether)\b[^,]*\.?$": "a main clause",
     r"\b(it|they) (is|are|was|were) \w+, else\b": "a whole sentence",
     r"\bso long as\b|\bas good as\b|\bat all\b|\bof its own\b": "shorter words",
+    r"\bif need be\b|\bfor certain\b": "if necessary, certainly",
 }
 """Patterns of constructions that a new reader stumbles over, and their replacement."""
 

@@ -1,1 +1,1 @@
-"""One frame from the clip to its plan of views: clip context, meshers, highlights, quality, reports."""
+"""One frame of a clip: context, meshers, highlights, plan of views, quality and reports."""

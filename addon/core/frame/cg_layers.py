@@ -22,10 +22,10 @@ class CGObjects:
 
     layers: tuple[CGLayer, ...] = ()
     shadow: LinearRGB | None = None
-    """(h, w, 3) share of the light on the clip that they leave, over the canvas; None without shadows."""
+    """(h, w, 3) share of the clip's light in their shadow, over the canvas; None without shadows."""
 
     def scaled(self, before: Intrinsics, after: Intrinsics) -> CGObjects:
-        """The same on another canvas, whose pinhole is the same at another size."""
+        """Scale to another canvas with the same pinhole at another size."""
         if before == after:
             return self
         shadow = self.shadow
@@ -35,21 +35,20 @@ class CGObjects:
         return CGObjects(tuple(each.scaled(before, after) for each in self.layers), shadow)
 
     def shaded(self, picture: LinearRGBA) -> LinearRGBA:
-        """The canvas's picture (h, w, 4) with their shadows on it."""
+        """Return the canvas's picture (h, w, 4) with their shadows."""
         if self.shadow is None:
             return picture
         return np.concatenate([picture[..., :3] * self.shadow, picture[..., 3:]], axis=2)
 
 
 NO_CG = CGObjects()
-"""A frame without CG objects."""
 DrawCG = Callable[[int, Canvas, PixelDepth | None], CGObjects]
-"""Draws the CG objects of a frame of the clip for a canvas, whose depth is given where it is known."""
+"""Draws the CG objects of a frame for a canvas, with its depth if known."""
 
 
 @dataclass(frozen=True)
 class CGSurface:
-    """A layer of CG objects made ready for its views."""
+    """A layer of CG objects prepared for its views."""
 
     layer: CGLayer
     mesh: WarpMesh
@@ -57,7 +56,7 @@ class CGSurface:
     """(h, w, 4) linear, premultiplied."""
 
     def painted(self, value: float) -> CGSurface:
-        """The same, painted with one value in place of its colours: with 0 it only hides."""
+        """Replace its colours by one value: with 0 it only occludes."""
         alpha = self.texture[..., 3:]
         return replace(self, texture=alpha * np.array([value, value, value, 1], np.float32))
 
@@ -65,10 +64,10 @@ class CGSurface:
 def joined(
     mesh: WarpMesh, texture: LinearRGBA, opaque: int, surfaces: Sequence[CGSurface]
 ) -> tuple[WarpMesh, LinearRGBA]:
-    """A frame's mesh and texture (h, w, 4) together with those of CG objects, which lie below in the texture.
+    """Join a frame's mesh and texture (h, w, 4) with those of CG objects, which lie below in the texture.
 
-    Its first `opaque` triangles come first. The rest, which may be half covered, and the CG objects' follow
-    from far to near: they blend over each other in the order of depth.
+    The first `opaque` triangles come first. The others, which may be half covered, and those of the CG
+    objects follow from far to near, so that they blend in the order of depth.
     """
     mesh, texture = _within(mesh, texture)
     width = max(each.shape[1] for each in (texture, *(one.texture for one in surfaces)))
@@ -86,7 +85,7 @@ def joined(
     inverse = np.concatenate([each.inverse_depth for each in meshes])
     triangles = np.concatenate([each.triangles for each in meshes])
     nearness = inverse[triangles].min(axis=1)
-    # Stable, and all alike among the first: those keep their order.
+    # The sort is stable, so that the first triangles, which are equal, keep their order.
     nearness[:opaque] = -np.inf
     ordered = triangles[np.argsort(nearness, kind="stable")]
     whole = WarpMesh(
@@ -97,7 +96,7 @@ def joined(
 
 
 def _within(mesh: WarpMesh, texture: LinearRGBA) -> tuple[WarpMesh, LinearRGBA]:
-    """A mesh that looks past its texture (h, w, 4), and one that goes on, mirrored, as far as it looks."""
+    """Extend a texture (h, w, 4) by mirroring as far as its mesh uses it."""
     size = np.array(texture.shape[1::-1])
     beyond = np.maximum(-mesh.texture_xy, mesh.texture_xy - size).max(initial=-1)
     if beyond <= 0:

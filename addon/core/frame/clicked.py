@@ -1,4 +1,4 @@
-"""Focus by a click, on a known subject or on one that the click marks."""
+"""Focus by a click on a known subject or on one that the click marks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..subjects.strokes import MarkedSubject, Stroke
 from .clip_context import ClipContext
 
 LARGEST = 0.5
-"""Share of the picture of the largest subject that a click may mark: more is the background."""
+"""Largest share of the picture of a marked subject; a larger one is background."""
 
 
 def clicked(
@@ -31,25 +31,24 @@ def clicked(
     marking: Callable[[MarkedSubject], ClipContext],
     seen: Callable[[Mask], object] = lambda mask: None,
 ) -> Place:
-    """Find what a click puts in focus.
+    """Find the focus of a click.
 
-    Where the depth is unknown or the pixel moves by itself, and no known subject is there, the click marks a
-    new subject.
+    If the depth is unknown or the pixel moves, and there is no known subject, the click marks a new subject.
 
     Args:
         clip: The clip.
-        finder: The one of the clip and the frame.
+        finder: Finder for the clip and the frame.
         x: Share of the picture's width from the left.
         y: Share of its height from the top.
-        name: Name of the new subject.
+        name: Name of a new subject.
         marking: Returns the clip with one more subject.
-        seen: Called with the subject (h, w) in the frame, before it is found in all other frames.
+        seen: Called with the subject (h, w) in the frame, before it is tracked through the others.
 
     Returns:
         The place in focus. Its `marks` is the new subject, which the caller adds to those of the clip.
 
     Raises:
-        UserError: As of `PlaceFinder.find`.
+        UserError: See `PlaceFinder.find`.
     """
     if (known := clip.subject_at(finder.frame, x, y)) is not None:
         seen(known.mask(finder.frame))
@@ -65,10 +64,10 @@ def _new_subject(
     marking: Callable[[MarkedSubject], ClipContext],
     seen: Callable[[Mask], object],
 ) -> Place | None:
-    """The subject that a click cuts out of a frame, in focus; None where it cuts out none."""
+    """Cut a subject out of a frame by a click, and focus on it; None without a subject."""
     if not clip.may_focus_on_subjects or not clip.reconstruction.is_ordered or _is_masked(clip, frame, x, y):
         return None
-    # The .blend keeps strokes like this: results are found again by the key of the strokes.
+    # Rounded like the strokes in a .blend, as their key identifies results.
     at = float(np.float32(x)), float(np.float32(y))
     new = MarkedSubject(name, (Stroke(frame, (at,)),))
     mask = clip.carried(new).mask(frame)
@@ -88,12 +87,12 @@ def _new_subject(
 
 
 def _is_subject(mask: Mask, click: Mask) -> bool:
-    """Whether a mask (h, w) is larger than the click (h, w) alone, and no background."""
+    """Return whether a mask (h, w) is larger than the click (h, w) and smaller than a background."""
     return bool(np.count_nonzero(mask & ~click) >= LEAST and mask.mean() <= LARGEST)
 
 
 def _is_masked(clip: ClipContext, frame: int, x: float, y: float) -> bool:
-    """Return whether the user's masks show a subject at a place; they are its outline already."""
+    """Return whether the user's masks show a subject at a position; its outline is known already."""
     mask = clip.masks(frame) if clip.masks else None
     if mask is None:
         return False

@@ -41,7 +41,7 @@ from .own_lens import OwnLens, own_lens
 from .quality import NORMAL, Quality
 
 MIXED = 5
-"""Pixels across the dilation of the soft edge of a matte, as `warp` takes it for mixed."""
+"""Width in pixels of the dilation of a matte's soft edge to its mixed pixels in `warp`."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class ClipContext:
     """A solved clip; results from several frames are made once and kept.
 
     Pictures are (H, W, 4) float32, linear and premultiplied; lengths are in the reconstruction's unit.
-    UserError where a frame, a map or a mask cannot be read.
+    Methods raise UserError if a frame, a map or a mask cannot be read.
 
     >>> clip = ClipContext(reconstruction, footage.read)
     >>> picture = clip.picture(2, HighlightSettings())
@@ -60,34 +60,33 @@ class ClipContext:
 
     reconstruction: Reconstruction
     read: Callable[[int], Pixels]
-    """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it; it is asked for more than once."""
+    """Reads a frame (H, W, 3 or 4), as `Footage.read`; called more than once."""
     given_depth: DepthSource | None = None
-    """Depth that need not be found, such as the truth of a benchmark."""
+    """Known depth, such as a benchmark's ground truth."""
     masks: Moving | None = None
-    """Returns the opacity in [0, 1] of moving pixels (h, w) of a source frame, at any size, by the user's
-    masks."""
+    """Returns opacity (h, w) in [0, 1] of moving pixels in a source frame, any size, by the user's masks."""
     store: Callable[[Quality], DepthStore] | None = None
-    """Where what does not depend on the lens is kept, by the quality that it is found in."""
+    """Storage by quality of results that do not depend on the lens."""
     marked: tuple[MarkedSubject, ...] = ()
     """Subjects that the user has marked by strokes."""
     known_subjects: ClipSubjects | None = None
-    """Those that another context of the clip and masks knows already."""
+    """Subjects from another context with the same clip and masks."""
     highlight_store: DepthStore | None = None
-    """Where highlights are kept, which depend on neither quality nor masks."""
+    """Storage of highlights, which depend on neither quality nor masks."""
     matcher: Matcher = winning_levels
-    """Finds the depth levels of pixels: the processor, or a GPU."""
+    """Finds the depth levels of pixels on the processor or a GPU."""
     maps: DepthSource | None = None
-    """The user's depth maps, used where stereo is not sure."""
+    """The user's depth maps, used where stereo is uncertain."""
     from_rec_709: Floats | None = None
-    """(3, 3) from the primaries of Rec.709, which integer pictures have, to those of the working space."""
+    """(3, 3) from the primaries of Rec.709, those of integer pictures, to those of the working space."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
-        """Depth of every pixel from the clip itself, at the size that it is found at, of normal quality."""
+        """Depth of every pixel by stereo in normal quality, at the size of the stereo pictures."""
         return self._stereo(NORMAL)
 
     def stereo_of(self, quality: Quality) -> TemporalFusion:
-        """Return the depth from the clip itself of a quality; see `stereo`."""
+        """Return the depth by stereo in a quality; see `stereo`."""
         options = quality.stereo, quality.fusion
         if options == (NORMAL.stereo, NORMAL.fusion):
             return self.stereo
@@ -116,36 +115,28 @@ class ClipContext:
         return self._parts.mask(frame)
 
     def subject(self, name: str, frame: int) -> Mask:
-        """Return a subject (h, w) in a frame, over the source frame at any size.
-
-        Raises:
-            UserError: No subject has this name; else as of `MovingParts.mask`.
-        """
+        """Return a subject's mask (h, w) in a source frame, at any size; UserError for an unknown name."""
         return self._parts.named(name).mask(frame)
 
     @property
     def every_subject(self) -> list[ClipSubject]:
-        """The subjects that are marked, and the people and other moving objects that are not among them."""
+        """The marked subjects, and the people and other moving objects that are not among them."""
         return self._parts.every_subject
 
     @property
     def people(self) -> list[ClipSubject]:
-        """The people of the clip whom no marked subject covers."""
+        """The people of the clip that no marked subject covers."""
         return self._parts.people
 
     def carried(self, marked: MarkedSubject) -> CarriedSubject:
-        """Return a marked subject in the frames of the clip; its result is remembered."""
+        """Return a marked subject tracked through the clip; its result is remembered."""
         return self._subjects.carried(marked)
 
     def prepare_subject(self, frame: int) -> dict[str, Mask]:
-        """Read and load ahead what a stroke in a frame needs.
+        """Read and load the data for a stroke in a frame in advance.
 
-        Returns:
-            (h, w) the people in the frame, by name, over the source frame; none while they would have to be
-            looked for.
-
-        Raises:
-            UserError: If a frame cannot be read.
+        Returns the masks (h, w) of the people in the source frame by name; none before people are searched.
+        Raises UserError if a frame cannot be read.
         """
         self._subjects.prepare(frame)
         if not self._subjects.knows_people:
@@ -163,7 +154,7 @@ class ClipContext:
         return self.known_subjects or ClipSubjects(self.reconstruction, self.read)
 
     def _store_of(self, quality: Quality) -> DepthStore | None:
-        """The one store of a quality: each counts what it writes."""
+        """Return the only store of a quality, as each counts its own bytes."""
         if self.store is None:
             return None
         if quality not in self._stores:
@@ -176,21 +167,19 @@ class ClipContext:
 
     @cached_property
     def _clip_highlights(self) -> dict[float, ClipHighlights]:
-        """By threshold, of which there is hardly more than one."""
+        """Highlights by threshold, of which there is rarely a second."""
         return {}
 
     @cached_property
     def _disocclusion(self) -> dict[HighlightSettings, DisocclusionFill]:
-        """Hidden colours from other frames, without their moving pixels, by settings of highlights.
-
-        Only the last settings are kept: pictures are large.
-        """
+        """Fills by settings of highlights, without moving pixels; only the last, as pictures are large."""
         return {}
 
     def picture(self, frame: int, highlights: HighlightSettings) -> LinearRGBA:
-        """A frame's picture (H, W, 4) in linear light, with the light of highlights that its integers clip.
+        """Return a frame in linear light (H, W, 4), with restored highlights.
 
-        Floats hold what is over white already, and stay as they are. UserError where a frame cannot be read.
+        Float pictures hold values above white, and are not restored. Raises UserError if a frame cannot be
+        read.
         """
         stored = self.read(frame)
         linear = to_linear(stored)
@@ -205,7 +194,7 @@ class ClipContext:
         return linear
 
     def knows_highlights(self, frame: int, highlights: HighlightSettings) -> bool:
-        """Return whether a frame's highlights are remembered or kept, so that `picture` needs no search."""
+        """Return whether a frame's highlights are remembered or stored, so that `picture` is quick."""
         return not highlights.gain or self._highlights_of(highlights.threshold).knows(frame)
 
     def _highlights_of(self, threshold: float) -> ClipHighlights:
@@ -216,7 +205,7 @@ class ClipContext:
         return self._clip_highlights[threshold]
 
     def steady_path(self, strength: float, fills: bool = False) -> SteadyPath:
-        """The path of the camera smoothed by a strength in (0, 1]; UserError as the function raises it."""
+        """Return the camera's path smoothed by a strength in (0, 1]; see `camera.steady_path`."""
         if (strength, fills) not in self._steady_paths:
             self._steady_paths.clear()
             self._steady_paths[strength, fills] = steady_path(self.reconstruction, strength, fills)
@@ -224,16 +213,13 @@ class ClipContext:
 
     @cached_property
     def _steady_paths(self) -> dict[tuple[float, bool], SteadyPath]:
-        """By what was asked for, the last one only: a path is found in a moment."""
+        """The last path by its settings; paths are quick to compute."""
         return {}
 
     def noise(self, frame: int, size: tuple[int, int]) -> Noise | None:
-        """Return the clip's noise in pictures of a size (width, height).
+        """Return the clip's noise in pictures of a size (width, height), or None if it is not visible.
 
-        None if it is not visible, and for photos, which have no second frame of the same scene.
-
-        Raises:
-            UserError: A frame cannot be read.
+        Photos have none, as there is no second frame of a scene. Raises UserError if a frame cannot be read.
         """
         if not self.reconstruction.is_ordered or self._noise is None or not self._noise.is_visible:
             return None
@@ -252,22 +238,18 @@ class ClipContext:
 
     @cached_property
     def _noises(self) -> dict[tuple[int, int], Noise]:
-        """By size."""
+        """Noise by size."""
         return {}
 
     @cached_property
     def own_lens(self) -> OwnLens | None:
-        """The lens that the clip was filmed through; None where it has no depth of field.
-
-        UserError where a frame cannot be read.
-        """
+        """The lens of the camera; None without depth of field. Raises UserError if a frame cannot be read."""
         return own_lens(self.reconstruction, self.read)
 
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:
-        """Return the source of the depth of frames in a quality.
+        """Return the source of depth in a quality, the only one for picking, following and drawing.
 
-        It is given depth, stereo, or both, and feature points for coarse meshes. Picking, following and
-        drawing use this source only.
+        It combines given depth, stereo and maps, with feature points for coarse meshes.
         """
         sparse, maps = SparseDepth(self.reconstruction), self.maps
         given = [] if self.given_depth is None else [self.given_depth]
@@ -281,44 +263,41 @@ class ClipContext:
 
     @cached_property
     def _estimated(self) -> EstimatedDepth:
-        """Depth of a camera that stays in its place."""
+        """Depth of a static camera's scene."""
         parts = self._parts
         return EstimatedDepth(self.reconstruction, lambda: parts.scene, parts.placed, parts.opacity)
 
     def has_depth(self, frame: int, quality: Quality) -> bool:
-        """Whether the depth of a frame is given or kept, and need not be found; errors as of `depth`."""
+        """Return whether the depth of a frame is given or stored; raises UserError like `depth`."""
         return self.depth_source(quality).kept(frame, self.canvas(frame)) is not None
 
     def canvas(self, frame: int) -> Canvas:
-        """The canvas of a frame at the clip's own size."""
+        """Return the canvas of a frame at the clip's size."""
         image, _ = self.reconstruction.image_at(frame)
         return self.reconstruction.canvas(image)
 
     def places(self, frame: int) -> PlaceFinder:
-        """Return the finder of focus at places of a registered frame."""
+        """Return the finder of focus in a registered frame."""
         return PlaceFinder(
             self.reconstruction, self.depth_source(), self.read, frame, partial(self._place_on_subject, frame)
         )
 
     @property
     def may_focus_on_subjects(self) -> bool:
-        """Return whether a click may focus on a whole subject: its distance comes from the clip alone."""
+        """Return whether a click may focus on a subject: its distance needs the depth of the clip alone."""
         return self.given_depth is None and self.maps is None
 
     def subject_at(self, frame: int, x: float, y: float) -> ClipSubject | None:
-        """Return the subject at fractions x, y of a frame's picture; None beside all subjects.
-
-        Errors as of `places`.
-        """
+        """Return the subject at fractions x, y of a frame's picture, or None."""
         return self._parts.at(frame, x, y) if self.may_focus_on_subjects else None
 
     def _place_on_subject(self, frame: int, x: float, y: float) -> Place | None:
-        """The whole subject at a place of a frame, in focus; None beside all of them."""
+        """Focus on the whole subject at a position in a frame; None without one."""
         subject = self.subject_at(frame, x, y)
         return None if subject is None else replace(self._focus_on(subject, frame), xy=(x, y))
 
     def subject_place(self, name: str, frame: int) -> Place:
-        """A subject as a place in focus, followed through the clip; errors as of `subject`."""
+        """Focus on a subject and follow it through the clip; raises UserError like `subject`."""
         return self._focus_on(self._parts.named(name), frame)
 
     def _focus_on(self, subject: ClipSubject, frame: int) -> Place:
@@ -333,20 +312,13 @@ class ClipContext:
 
     @cached_property
     def texture_memory(self) -> ReusedMemory:
-        """Where the textures of frames lie, one after the other."""
+        """Memory for the textures of frames, one at a time."""
         return ReusedMemory()
 
     def depth(self, frame: int, canvas: Canvas, picture: LinearRGBA, quality: Quality = NORMAL) -> PixelDepth:
-        """Return the depth of all pixels of a canvas.
+        """Return the depth of all pixels of a frame's canvas, which shows the picture (H, W, 4).
 
-        Args:
-            frame: Number of the frame.
-            canvas: That of the frame.
-            picture: (H, W, 4) shown by the canvas.
-            quality: Quality of the depth.
-
-        Raises:
-            UserError: As of `TemporalFusion.at`; or the camera stays in its place, and no map has depth.
+        Raises UserError as `TemporalFusion.at` does, and for a static camera if no map has depth.
         """
         found = self.depth_source(quality).at(frame, canvas, picture)
         assert found is not None  # Stereo has a depth for every frame, or raises an error.
@@ -360,14 +332,9 @@ class ClipContext:
         depth: PixelDepth,
         highlights: HighlightSettings = RESTORED,
     ) -> HiddenColours:
-        """Return the colours of other frames for hidden places of a frame's canvas.
+        """Return the colours of other frames for hidden positions of a canvas with a picture (H, W, 4).
 
-        Args:
-            frame: Number of the frame.
-            canvas: That of the frame.
-            picture: (H, W, 4) shown by the canvas.
-            depth: Its depth.
-            highlights: Settings that the picture was read with.
+        `highlights` are the settings with which the picture was read.
         """
         if highlights not in self._disocclusion:
             self._disocclusion.clear()
@@ -378,7 +345,7 @@ class ClipContext:
         found = fill.reprojected(frame, canvas, picture, depth.inverse_depth, depth.moving, depth.past_border)
         if not self.reconstruction.stays or depth.opacity is None:
             return found.colours
-        # A camera that seems to stay moves by a pixel or two: too much for taking mixed pixels apart.
+        # A nearly static camera moves by a pixel or two: too much to separate mixed pixels.
         sheer = (depth.opacity > FAINTEST) & (depth.opacity < 1 - FAINTEST)
         mixed = cv2.dilate(sheer.astype(np.uint8), np.ones((MIXED, MIXED), np.uint8)) > 0
 
@@ -393,16 +360,16 @@ class ClipContext:
         return beyond_edges
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples:
-        """Return places of known depth for a coarse mesh: of given maps, else of feature points."""
+        """Return positions of known depth for a coarse mesh, from maps or feature points."""
         found = self.depth_source().samples(frame, canvas)
         assert found is not None  # Feature points come last.
         return found
 
 
 def _nothing(frame: int) -> None:
-    """A mask of which nothing is known."""
+    """Return None, an unknown mask."""
 
 
 def no_picture(frame: int) -> Pixels:
-    """`ClipContext.read` of a clip whose pictures nothing needs: an AssertionError if something does."""
+    """Raise AssertionError, as `ClipContext.read` of a clip without pictures."""
     raise AssertionError(f"nothing needs the picture of frame {frame}")

@@ -1,4 +1,4 @@
-"""Values that depend on blur discs, drawn through the views, such as the sharpness of smaller frames."""
+"""Functions of the blur disc drawn through the views, such as the sharpness of smaller frames."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ from .inspection import blur_discs
 from .warped_frame import WarpedFrame
 
 SHARP, BLURRED = 0.5, 1.5
-"""Blur discs in pixels of the small picture, up to which what only the large one shows is kept, and from
-which on nothing of it is. A disc of one leaves 0.46 of half as fine again as the small picture's finest
-frequency, the middle of what was lost, by the disc's transform 2 J1(x) / x."""
+"""Blur discs in pixels of the small picture up to which the large one's detail is kept, and from which it is
+lost. A disc of one leaves 0.46 of the middle of the lost frequencies, half as fine again as the small
+picture's finest, by the disc's transform 2 J1(x) / x."""
 
 
 def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
-    """Return a frame's mesh and views, painted with the share of sharpness that each texel keeps.
+    """Paint a frame's mesh with the share of sharpness that each texel keeps; None without layers.
 
-    The mean of the views has in red, green and blue the share that each pixel keeps. None for a frame without
-    layers.
+    The mean of the views has in red, green and blue the share that each pixel keeps.
     """
     if not warped.layers:
         return None
@@ -38,15 +37,15 @@ def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
 
 
 def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: float = 0.0) -> WarpedFrame:
-    """Return a frame's mesh and views, painted with a function of the displacement.
+    """Paint a frame's mesh with a function of displacement.
 
     Args:
         warped: The frame.
-        values: Returns colours (h, w, 3) of texels from their displacements (h, w) in pixels, the signed
-            radii of blur discs.
+        values: Maps displacements (h, w) of texels in pixels, the signed radii of blur discs, to colours (h,
+            w, 3).
         on_cg: Value on CG objects.
     """
-    # Its channels are no colours.
+    # The channels are not colours.
     plan, lens = replace(warped.plan, axial_colour=0.0), warped.plan.lens
     if not warped.layers:
         # The texture is the canvas itself.
@@ -74,7 +73,7 @@ def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: floa
 
 
 def _share(displacement: Map) -> Map:
-    """(h, w) share of its sharpness that is left in discs of such radii (h, w) in pixels."""
+    """Return the share (h, w) of sharpness that is left in discs of radii (h, w) in pixels."""
     disc = 2 * np.abs(displacement)
     return np.asarray(np.clip((BLURRED - disc) / (BLURRED - SHARP), 0, 1), np.float32)
 
@@ -82,7 +81,7 @@ def _share(displacement: Map) -> Map:
 def enlarged(
     picture: LinearRGBA, small: LinearRGBA, source: LinearRGBA, share: LinearRGB | None
 ) -> LinearRGBA:
-    """Return a picture enlarged to the source's size, with a share of the source's detail.
+    """Enlarge a picture to the source's size, with a share of the source's detail.
 
     Args:
         picture: (h, w, 4) premultiplied.

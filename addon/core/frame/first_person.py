@@ -1,4 +1,4 @@
-"""The nearest subject of a clip, which is in focus before anybody has picked anything."""
+"""The nearest subject of a clip, which is the default focus."""
 
 from __future__ import annotations
 
@@ -15,25 +15,22 @@ from ..subjects.pictures import displayed
 from .clip_context import ClipContext
 
 HEAD = 1 / 3
-"""Share of a person's height, from the top, in which the face is."""
+"""Share of a person's height, from the top, that holds the face."""
 SMALLEST_OBJECT = 0.02
-"""Share of the picture of the smallest moving object in focus: subjects of the gallery have 0.05 to 0.42."""
+"""Smallest share of the picture of a moving object in focus: subjects of the gallery have 0.05 to 0.42."""
 FACE = 0.5
-"""Probability from which on a face is one."""
+"""Least probability of a face."""
 
 
 def nearest_subject(clip: ClipContext, networks: Networks | None = None) -> Place | None:
-    """Find the nearest person in the first frame that shows one, or else the nearest moving object.
-
-    Args:
-        clip: The clip.
-        networks: Those that find the face; by default those of the extension.
+    """Find the nearest person in the first frame with one, or otherwise the nearest moving object.
 
     Returns:
-        The whole subject, followed through the clip, at the face where one is seen; None without subjects.
+        The whole subject, followed through the clip, with the position of a visible face; None without
+        subjects.
 
     Raises:
-        UserError: If a frame cannot be read.
+        UserError: A frame cannot be read.
     """
     if not clip.may_focus_on_subjects:
         return None
@@ -58,12 +55,12 @@ def face_of(networks: Networks, picture: Bytes, person: Mask) -> tuple[float, fl
     """Find a person's face.
 
     Args:
-        networks: The networks.
+        networks: Face detector.
         picture: (H, W, 3) uint8 RGB, display-encoded.
-        person: (h, w) the person's pixels, at any size; not empty.
+        person: (h, w) mask of the person, at any size; not empty.
 
     Returns:
-        Its centre in shares of the picture, (0, 0) top left; None where no face is seen on the person.
+        Its centre in shares of the picture, (0, 0) top left; None without a face on the person.
     """
     mask = cv2.resize(person.astype(np.uint8), picture.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
@@ -78,10 +75,7 @@ def face_of(networks: Networks, picture: Bytes, person: Mask) -> tuple[float, fl
 
 
 def middle_of(mask: Mask) -> tuple[float, float]:
-    """Return the pixel of a mask (h, w) nearest to its centroid, as fractions of the picture.
-
-    The mask is not empty.
-    """
+    """Return the pixel of a mask (h, w), not empty, nearest to its centroid, as fractions of the picture."""
     at = np.argwhere(mask)
     y, x = at[np.linalg.norm(at - at.mean(axis=0), axis=1).argmin()] + 0.5
     return float(x / mask.shape[1]), float(y / mask.shape[0])

@@ -1,8 +1,8 @@
-"""Grain: noise like the clip's, where blur averaged the clip's own away.
+"""Grain: noise like the clip's, where blur has averaged it away.
 
-Without it, what is out of focus looks pasted in beside what is sharp. The blur disc and the noise's spectrum
-tell how much of the noise is left. That is painted on the frame's own mesh and seen by its own views, so it
-is right at silhouettes, too.
+Without it, defocused areas look pasted in beside sharp ones. The blur disc and the noise's spectrum give the
+remaining noise. It is painted on the frame's own mesh and drawn by its own views, so that silhouettes are
+right.
 """
 
 from __future__ import annotations
@@ -22,34 +22,30 @@ from .inspection import fewer_views
 from .warped_frame import WarpedFrame
 
 VIEWS = 8
-"""Views that show what is lost: steps of an eighth in the strength of noise are invisible."""
+"""Views of the lost noise: steps of an eighth in its strength are invisible."""
 LEAST = 1e-3
-"""Share that counts as nothing: resampling for a lens with distortion rings by as much."""
+"""Negligible share: resampling for a lens with distortion rings by as much."""
 TRANSPARENT = np.float32(1e-6)
-"""Least alpha that colours are divided by."""
+"""Least alpha in divisions."""
 
 
 def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedFrame:
-    """Return a frame's mesh, painted with the noise that blur removes.
+    """Paint a frame's mesh with the noise that blur removes, for fewer views of half the size.
 
-    The mean of its views has in red, green and blue the removed share of each noise component's standard
-    deviation: exactly 0 where all is in focus, 1 on CG objects. It has fewer views, of half the size.
-
-    Args:
-        warped: The frame.
-        noise: Noise of the clip.
-        scale: Size of the final picture relative to the drawn one.
+    The mean of the views has in red, green and blue the removed share of each noise component's standard
+    deviation: exactly 0 where all is in focus, 1 on CG objects. `scale` is the size of the final picture
+    relative to the drawn one.
     """
 
     def lost(displacement: Map) -> LinearRGB:
         return 1 - noise.left(np.float32(2 * scale) * np.abs(displacement))
 
-    # CG objects have none of it, in focus or not.
+    # CG objects have no noise, in focus or not.
     return _smaller(painted(fewer_views(warped, VIEWS), lost, 1.0))
 
 
 def _smaller(warped: WarpedFrame) -> WarpedFrame:
-    """A frame as its views see it at a half of its width and height."""
+    """Halve the width and height of a frame's views."""
     plan = warped.plan
     large, camera = plan.canvas.pinhole, plan.canvas.camera
     canvas = Canvas(camera.scaled(-(-camera.width // 2), -(-camera.height // 2)))
@@ -70,17 +66,15 @@ def _smaller(warped: WarpedFrame) -> WarpedFrame:
 def grained(
     picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: float, source: LinearRGBA
 ) -> LinearRGBA:
-    """Add the noise that blur has removed from a picture.
-
-    Pixels that lost nothing are not changed.
+    """Add the noise that blur has removed from a picture; other pixels are not changed.
 
     Args:
         picture: (H, W, 4) frame through the lens.
         lost: (H, W, 3) mean of the views of `lost_frame`.
         noise: Noise of the clip at this size.
-        frame: Its number: noise differs by frame, and is always the same in one.
+        frame: Its number: each frame has its own noise, which is reproducible.
         amount: Share of the lost noise that is added.
-        source: (H, W, 4) frame of the clip, which is nowhere less noisy than the result.
+        source: (H, W, 4) frame of the clip, whose noise is an upper limit.
 
     Returns:
         (H, W, 4) picture with noise.
@@ -99,5 +93,5 @@ def grained(
 
 
 def _shown(picture: LinearRGBA) -> Map:
-    """(..., 3) display values of a picture (..., 4)."""
+    """Return display values (..., 3) of a picture (..., 4)."""
     return encode_srgb(picture[..., :3] / np.maximum(picture[..., 3:], TRANSPARENT)).astype(np.float32)

@@ -1,7 +1,7 @@
 """Small highlights drawn as discs with the aperture's shape and their energy.
 
-Few views draw a small highlight as a pattern of copies. Its light is therefore removed from the picture
-before that is painted on a mesh (`without_small_highlights`), and its disc is added to the mean of the views
+Few views draw a small highlight as a pattern of copies. So its light is removed from the picture before that
+is painted on a mesh (`without_small_highlights`), and its disc is added to the mean of the views
 (`HighlightDiscs.light`), at a cost that does not depend on their number: Potmesil and Chakravarty, "Synthetic
 image generation with a lens and aperture camera model", 1982, spread every pixel in this way. Nearer surfaces
 clip the disc as they clip the views (`highlight_surfaces.py`).
@@ -29,50 +29,45 @@ from .steadied import Steadied
 from .vignetting import LEAST_LEFT, barrel_shift, light_left
 
 WHITE = 1.02
-"""Linear light over which a pixel is a highlight's, 1 being white: resampling rings by less."""
+"""Linear light, relative to white, above which a pixel belongs to a highlight: resampling rings by less."""
 BRIGHT = 1.5
-"""Linear light that the brightest pixel of a highlight has at least: copies of less do not show. Chosen by
-inspection."""
+"""Least linear light of a highlight's brightest pixel: copies of less are invisible. Chosen by inspection."""
 WIDER = 1.0
 """Least ratio of a disc's width to its highlight's. With 4, 1.5, 1, 0.5 and 0.2, bars (32 px, true depth) has
 33.7, 34.3, 35.2, 35.2 and 35.2 dB."""
 MOST = 400
-"""Highlights, those of the most light, that are drawn so: 341 with discs of 24 pixels take 0.5 to 0.8 CPU s
-(a scratch script)."""
+"""Most highlights, the brightest: 341 with discs of 24 pixels take 0.5 to 0.8 CPU s (a scratch script)."""
 RIM = 3
-"""Pixels around what is over white that light is taken from, too: the reach of optics and of resampling."""
+"""Pixels around a highlight that give light, too: the reach of optics and resampling."""
 FINEST = 8
-"""Parts of a pixel by which radii of discs differ: a brightness that is right to 0.8 % at 16 pixels."""
+"""Steps a pixel of the radii of discs: brightness is accurate to 0.8 % at 16 pixels."""
 LEAST_RADIUS = 0.5
-"""Pixels of the radius of a disc, at least: within a pixel there is nothing of its shape to see."""
+"""Least radius of a disc in pixels: a smaller one has no visible shape."""
 PARTS = 8
-"""Most parts across and down of a highlight that may be partly occluded. With 1, 4, 6, 8 and 16, bars (32 px,
-true depth) has 34.4, 35.2, 35.3, 35.35 and 35.36 dB."""
+"""Most parts along each side of a partly occluded highlight. With 1, 4, 6, 8 and 16, bars (32 px, true depth)
+has 34.4, 35.2, 35.3, 35.35 and 35.36 dB."""
 CHANNELS = 126
-"""Channels of a picture that OpenCV 5 filters: 128 at most."""
+"""Channels that OpenCV 5 filters at once, at most 128."""
 
 
 @dataclass(frozen=True)
 class SmallHighlight:
-    """One of them, in a picture of the canvas."""
+    """A small highlight of the canvas's picture."""
 
     corner: tuple[int, int]
     """Row and column of its patch."""
     light: LinearRGB
-    """(h, w, 3) that it has over what is around it."""
+    """(h, w, 3) light above its surroundings."""
     displacement: float
     """Pixels at the aperture's rim, relative to the focal plane; negative behind it."""
 
     @property
     def place(self) -> Floats:
-        """(2,) x and y of the middle of its light, in pixels."""
+        """(2,) x and y of the centre of its light, in pixels."""
         return np.asarray(_middles(self.light[None])[0] + self.corner[::-1])
 
     def parts(self, most: int) -> tuple[LinearRGB, Ints]:
-        """Divide its light into parts.
-
-        Args:
-            most: Parts across and down, at most; each is at least a pixel wide.
+        """Divide its light into at most `most` parts across and down, of at least a pixel.
 
         Returns:
             Light (n, s, s, 3), and the parts' first rows and columns (n, 2) in the picture.
@@ -88,7 +83,7 @@ class SmallHighlight:
 
 
 def _middles(light: LinearRGB) -> Floats:
-    """(n, 2) x and y of the middle of the light of patches (n, h, w, 3), in pixels from their corners."""
+    """Return (n, 2) x and y of the centres of light of patches (n, h, w, 3), in pixels from their corners."""
     energy = light.sum(axis=3, dtype=np.float64)
     total = energy.sum(axis=(1, 2))
     x, y = (energy.sum(axis=axis) @ (np.arange(energy.shape[3 - axis]) + 0.5) for axis in (1, 2))
@@ -97,21 +92,21 @@ def _middles(light: LinearRGB) -> Floats:
 
 @dataclass(frozen=True)
 class _FocalPlane:
-    """One of a lens that focuses colours apart."""
+    """One focal plane of a lens with axial colour."""
 
     channels: Map
-    """(3,) 1 for red, green and blue that have it, else 0."""
+    """(3,) 1 for its channels of red, green and blue, otherwise 0."""
     nearer: float
-    """Pixels of displacement that everything is nearer to the lens by, relative to it."""
+    """Pixels of displacement by which the scene is nearer to the lens, relative to it."""
 
     def displacement(self, one: SmallHighlight) -> float:
-        """Displacement of a highlight from the plane, in pixels; the least one if the plane crosses it."""
+        """Return a highlight's displacement from the plane in pixels, at least `LEAST_RADIUS`."""
         found = one.displacement + self.nearer
         return float(np.copysign(max(abs(found), LEAST_RADIUS), found))
 
 
 def _focal_planes(plan: FramePlan) -> tuple[_FocalPlane, ...]:
-    """Those of the channels of a plan."""
+    """Return the focal planes of a plan's channels."""
     if not plan.axial_colour:
         return (_FocalPlane(np.ones(3, np.float32), 0.0),)
     apart = np.zeros(3, np.float32)
@@ -121,27 +116,19 @@ def _focal_planes(plan: FramePlan) -> tuple[_FocalPlane, ...]:
 
 @dataclass(frozen=True)
 class HighlightDiscs:
-    """The highlights of a frame, and the aperture that their light comes through."""
+    """The highlights of a frame and the aperture."""
 
     found: tuple[SmallHighlight, ...]
     aperture: Aperture
     steadied: Steadied | None = None
-    """How a steadier camera sees them, where the plan is of one."""
+    """The steadier camera of the plan, if any."""
 
     def light(
         self, plan: FramePlan, layers: tuple[LayeredDepthImage, ...], cg: Sequence[CGLayer] = ()
     ) -> LinearRGB:
-        """Draw the discs.
+        """Draw the discs as linear light (h, w, 3) in the plan's canvas; passes checkpoints.
 
-        Passes checkpoints.
-
-        Args:
-            plan: Plan of the frame.
-            layers: The clip's layers, which clip discs.
-            cg: The layers of CG objects, which clip them, too.
-
-        Returns:
-            (h, w, 3) linear light in the plan's canvas.
+        Layers of the clip and of CG objects clip them.
         """
         height, width = plan.canvas.pinhole.height, plan.canvas.pinhole.width
         total: LinearRGB = np.zeros((height, width, 3), np.float32)
@@ -166,9 +153,9 @@ class HighlightDiscs:
     def _discs(
         self, one: SmallHighlight, plan: FramePlan, before: Surfaces, focal_plane: _FocalPlane
     ) -> tuple[LinearRGB, Ints]:
-        """The light (n, h, w, 3) of the discs of a highlight's parts, after occlusion and focusing.
+        """Return the light (n, h, w, 3) of a highlight's discs, by parts, after occlusion and focusing.
 
-        Also the rows and columns (n, 2) where they begin, which may be outside of the canvas.
+        Their first rows and columns (n, 2) may be outside the canvas.
         """
         pinhole = plan.canvas.pinhole
         seen_here = _as_seen(one, self.steadied) if self.steadied else one
@@ -177,7 +164,7 @@ class HighlightDiscs:
         kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
         reach = [n // 2 for n in kernel.shape]
         steps = before.steps(one.place, max(one.light.shape[:2]), one.displacement)
-        # An occluder covers another part of the disc of each place of a highlight.
+        # An occluder covers another part of the disc for each point of a highlight.
         light, corner = seen_here.parts(PARTS if len(steps) else 1)
         begin = corner - np.array(reach, np.int32)
         places = _middles(light) + corner[:, ::-1]
@@ -186,7 +173,7 @@ class HighlightDiscs:
             parts = zip(np.split(light, len(light)), kernels, strict=True)
             discs = np.concatenate([_filtered(part, cut, reach) for part, cut in parts])
         else:
-            # To OpenCV parts are channels, of which it takes so many.
+            # Parts are channels to OpenCV, which limits their number.
             discs = np.concatenate([_filtered(some, kernel, reach) for some in _few(light)])
         if not len(steps):
             return discs, begin
@@ -196,7 +183,7 @@ class HighlightDiscs:
         ways: Floats = (places[number] - seen) / radius
         if self.steadied:
             ways = self.steadied.middle + self.steadied.aperture_share * ways
-            # The frame's own layers occlude it where the frame sees it.
+            # The frame's own layers occlude it at its position in the frame.
             places = one.place + (places - seen_here.place) / _enlargement(self.steadied)
         widths = np.full(len(ways), float(light.shape[1]))
         passed = before.transmittance(one.displacement, steps, places[number], widths, ways)
@@ -205,12 +192,12 @@ class HighlightDiscs:
 
 
 def _enlargement(steadied: Steadied) -> float:
-    """By which a steadier camera sees things larger than the frame does, near enough."""
+    """Return the approximate enlargement by a steadier camera."""
     return float(steadied.canvas.pinhole.fx / steadied.own_canvas.pinhole.fx)
 
 
 def _as_seen(one: SmallHighlight, steadied: Steadied) -> SmallHighlight:
-    """A highlight of a frame in the canvas of a steadier camera, enlarged as all of its picture is."""
+    """Move a highlight to the canvas of a steadier camera, enlarged as the picture is."""
     own, zoom = steadied.own_lens, _enlargement(steadied)
     inverse = np.array([own.focus + one.displacement / own.disparity_scale])
     place, there = steadied.moved(one.place[None], inverse)
@@ -218,37 +205,37 @@ def _as_seen(one: SmallHighlight, steadied: Steadied) -> SmallHighlight:
     size = np.ceil(zoom * np.array(one.light.shape[1::-1])).astype(int) + 2
     middle = one.place - one.corner[::-1]
     corner = np.floor(place[0] - zoom * middle).astype(int) - 1
-    # From the new patch's pixels to the old one's, both counted from the middle of the first.
+    # From the new patch's pixels to the old one's, both counted from the centre of the first.
     shift = middle + (corner + 0.5 - place[0]) / zoom - 0.5
     back = np.column_stack([np.eye(2) / zoom, shift])
     light = cv2.warpAffine(
         one.light, back, (int(size[0]), int(size[1])), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     )
-    # Spreading keeps the sum of the light, not its brightness.
+    # Resampling keeps the sum of the light, not its brightness.
     light = light * np.float32(zoom**2 * one.light.sum() / max(float(light.sum()), 1e-30))
     return SmallHighlight((int(corner[1]), int(corner[0])), np.asarray(light, np.float32), displacement)
 
 
 def _few(light: LinearRGB) -> list[LinearRGB]:
-    """Patches (n, h, w, 3), so many at a time that they are channels of a picture to OpenCV."""
+    """Split patches (n, h, w, 3) into groups that fit OpenCV's channels."""
     return [light[first : first + CHANNELS // 3] for first in range(0, len(light), CHANNELS // 3)]
 
 
 def _filtered(light: LinearRGB, kernel: Map, reach: list[int]) -> LinearRGB:
-    """(n, h, w, 3) patches of light (n, s, s, 3), each pixel spread by a kernel of a reach in pixels."""
+    """Spread patches of light (n, s, s, 3) by a kernel with a reach in pixels, as (n, h, w, 3)."""
     count, size = light.shape[:2]
     wide = np.zeros((size + 2 * reach[0], size + 2 * reach[1], 3 * count), np.float32)
     wide[reach[0] :, reach[1] :][:size, :size] = np.moveaxis(light, 0, 2).reshape(size, size, -1)
-    # OpenCV correlates: for it the kernel is turned round.
+    # OpenCV correlates, so the kernel is flipped.
     found = cv2.filter2D(wide, -1, kernel[::-1, ::-1], borderType=cv2.BORDER_CONSTANT)
     return np.ascontiguousarray(np.moveaxis(np.maximum(found, 0).reshape(*wide.shape[:2], count, 3), 2, 0))
 
 
 @lru_cache(maxsize=256)
 def _kernel(aperture: Aperture, across: float, down: float) -> Map:
-    """(h, w) share of the light in each pixel around the middle of a disc; its sum is 1.
+    """Return the (h, w) shares of light, of sum 1, around the centre of a disc; sides are odd.
 
-    Radii in pixels are negative behind the focal plane, where the disc is upright. Sides are odd.
+    Radii in pixels are negative behind the focal plane, where the disc is upright.
     """
     reach = [int(np.ceil(abs(radius))) + 1 for radius in (down, across)]
     y, x = ((np.arange(SUBSAMPLES * (2 * n + 1)) + 0.5) / SUBSAMPLES - n - 0.5 for n in reach)
@@ -258,11 +245,7 @@ def _kernel(aperture: Aperture, across: float, down: float) -> Map:
 
 
 def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[int]) -> Map:
-    """(h, w) transmission of a plan's barrel for each pixel around the middle of a disc.
-
-    The disc is at a place (2,), with radii (2,) in pixels as `_kernel` takes them, and a reach down and
-    across.
-    """
+    """Return the (h, w) transmission of a plan's barrel around the centre of a disc at a position (2,)."""
     shift, middle = barrel_shift(plan), plan.canvas.pinhole.principal_point
     beside = [np.arange(-n, n + 1) for n in reach[::-1]]
     x, y = (
@@ -277,7 +260,7 @@ def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[i
 
 @dataclass(frozen=True)
 class TrackedDepth:
-    """Feature points of a frame, whose depth is triangulated."""
+    """Feature points of a frame with triangulated depth."""
 
     places: Floats
     """(n, 2) x and y in pixels of the canvas."""
@@ -288,16 +271,16 @@ class TrackedDepth:
 def without_small_highlights(
     picture: LinearRGBA, displacement: Map, aperture: Aperture, tracked: TrackedDepth | None = None
 ) -> tuple[LinearRGBA, HighlightDiscs | None]:
-    """Take the light of small highlights, whose discs are `WIDER`, out of a picture.
+    """Remove the light of small highlights, those with discs of `WIDER`, from a picture.
 
     Args:
         picture: (H, W, 4), linear.
         displacement: (H, W) pixels at the aperture's rim, relative to the focal plane.
         aperture: The shape of the discs.
-        tracked: Feature points, where the displacement comes from stereo. See `_tracked`.
+        tracked: Feature points, if the displacement is by stereo; see `_tracked`.
 
     Returns:
-        The picture without that light, and the highlights; the same picture and None where it has none.
+        The picture without that light, and the highlights; the same picture and None without any.
     """
     peak = brightest(picture)
     over = peak > WHITE
@@ -337,11 +320,10 @@ def without_small_highlights(
 
 
 def _tracked(tracked: TrackedDepth, own: Ints, shift: Floats) -> Floats:
-    """(c,) displacements of labels by their feature points, where these are nearer than `shift` (c,).
+    """Return (c,) displacements of labels: the median of their feature points, if it is nearer than `shift`.
 
-    Each is the median of the points on a label's `own` pixels (H, W). Stereo compares windows, which show
-    more of the background than of a lamp of a few pixels; a lamp farther than its surface would be hidden by
-    it.
+    Stereo compares windows, which show more background than a lamp of a few pixels; a lamp farther than its
+    surface would be occluded by it.
     """
     height, width = own.shape
     column, row = np.clip(np.floor(tracked.places).astype(int), 0, [width - 1, height - 1]).T
@@ -352,23 +334,22 @@ def _tracked(tracked: TrackedDepth, own: Ints, shift: Floats) -> Floats:
 
 
 def _median(values: Map, weights: Map) -> float:
-    """Weighted median of values (n,), as a lamp clips pixels of the background, too."""
+    """Return the weighted median of values (n,), as a lamp clips background pixels, too."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(total, total[-1] / 2)])
 
 
 def _around(stats: Ints, reach: int) -> tuple[slice, slice]:
-    """Rows and columns of a component of OpenCV's statistics (5,) and so many pixels around."""
+    """Return rows and columns of an OpenCV component and `reach` pixels around."""
     x, y, width, height = (int(n) for n in stats[:4])
     return slice(max(0, y - reach), y + height + reach), slice(max(0, x - reach), x + width + reach)
 
 
 def _nearest_of(label: Ints, highlights: Mask, displacement: Map, shift: Floats) -> Ints:
-    """(H, W) label of the highlight that a pixel's light may belong to; 0 for none.
+    """Return (H, W) labels of the highlights to which pixels' light may belong; 0 for none.
 
-    These are the pixels of highlights (H, W), and `RIM` pixels around them at the same displacement (H, W),
-    where labels have a displacement (n,).
+    They are a highlight's pixels, and `RIM` pixels around it at the same displacement (H, W).
     """
     distance, nearest = cv2.distanceTransformWithLabels(
         (~highlights).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL

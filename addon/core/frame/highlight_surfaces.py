@@ -1,7 +1,7 @@
-"""The surfaces of a frame that hide some of a highlight's disc.
+"""Surfaces that occlude a part of a highlight's disc.
 
-Along the way from a highlight to a place of the aperture, surfaces are looked for as in Policarpo, Oliveira
-and Comba, "Real-time relief mapping on arbitrary polygonal surfaces", 2005.
+The way from a highlight to the aperture is searched for surfaces as in Policarpo, Oliveira and Comba,
+"Real-time relief mapping on arbitrary polygonal surfaces", 2005.
 """
 
 from __future__ import annotations
@@ -17,17 +17,16 @@ from ..warp.cg_layer import CGLayer
 from ..warp.layered_depth_image import LayeredDepthImage
 
 NEARER = 1.0
-"""Pixels of displacement, at least, that a surface is nearer by than a highlight which it hides: less is the
-noise of depth, and the jump at which surfaces are cut."""
+"""Least displacement in pixels by which an occluder is nearer than a highlight: less is noise of depth, and
+below the jump at which surfaces are cut."""
 WIDTHS = 0.0, 1.0, 2.0, 4.0, 8.0
-"""Pixels over which what hides a part of a highlight is blurred, as the part is no point: the next
-smaller."""
+"""Widths in pixels of the blur of an occluder, as a part of a highlight is not a point; rounded down."""
 LOOKED_AT = 1 << 20
-"""Places that are looked at at once, so that arrays of them take tens of megabytes."""
+"""Samples processed at once, in arrays of tens of megabytes."""
 LONGEST = 1 << 10
-"""Places in a row of the maps that OpenCV gets."""
+"""Width of the maps for OpenCV."""
 OUTSIDE = 1.15
-"""Radii of the aperture to which what hides a highlight is looked for: discs are wider by the highlight."""
+"""Radii of the aperture within which occluders are searched: discs are wider by the highlight."""
 
 
 class Surfaces:
@@ -40,13 +39,13 @@ class Surfaces:
         lens: ThinLens,
         size: tuple[int, int],
     ) -> None:
-        """`size` (height, width) is the canvas's, in the middle of the raster."""
+        """Prepare for a canvas of `size` (height, width), in the centre of the layers' raster."""
         shown = []
         for one in layers:
             assert one.drawn is not None
             past = one.is_far & one.drawn
             own = np.where(past, one.near_disparity, one.front_disparity)
-            # Where a near surface ends in the air, what is seen beside it is none of it.
+            # At the free end of a near surface, the surface beside it is another one.
             beside = cv2.dilate(past.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
             shown.append((own, np.where(beside & ~one.drawn, 0, one.front[..., 3]), one.jump))
         shown.append((layers[-1].back_disparity, np.ones_like(shown[0][1]), layers[-1].jump))
@@ -54,7 +53,7 @@ class Surfaces:
         margin = (raster[0] - size[0]) // 2, (raster[1] - size[1]) // 2
         for each in cg:
             alone = each.on_raster(margin, raster)
-            # Their silhouettes are those of their alpha.
+            # Their alpha holds their silhouettes.
             shown.append((alone.displacement(lens), alone.picture[..., 3], np.inf))
         self._surfaces = [(lens.snap_displacement(d), _Blurred(a), j) for d, a, j in shown]
         self._nearest = np.max(
@@ -70,11 +69,11 @@ class Surfaces:
         """Return the share (n,) of a highlight's light that passes nearer surfaces.
 
         Args:
-            displacement: Of the highlight, in pixels.
+            displacement: Displacement of the highlight in pixels.
             steps: (s,) displacements by which surfaces are nearer.
-            places: (n, 2) of the highlight's parts, in pixels.
-            widths: (n,) of the parts, in pixels.
-            ways: (n, 2) places on the aperture, in shares of its radius.
+            places: (n, 2) positions of the highlight's parts, in pixels.
+            widths: (n,) widths of the parts, in pixels.
+            ways: (n, 2) positions on the aperture, in shares of its radius.
         """
         way = ways * self._focal
         count = -(-len(steps) * len(way) // LOOKED_AT)
@@ -86,14 +85,14 @@ class Surfaces:
     def _along(
         self, displacement: float, steps: Floats, places: Floats, widths: Floats, way: Floats
     ) -> Floats:
-        """The share (n,) of light along ways (n, 2), in pixels for each pixel of displacement."""
+        """Return the share (n,) of light along ways (n, 2), in pixels a pixel of displacement."""
         # A surface nearer by t occludes the highlight from p if the frame sees it at place + t p.
         along = (self._on_raster(places) + steps[:, None, None] * way).astype(np.float32)
         passed = np.ones(len(way))
         for disparity, alpha, jump in self._surfaces:
             at = _sampled(disparity, along, cv2.INTER_NEAREST)
             over = at - displacement - steps[:, None].astype(np.float32)
-            # The way goes on to behind the surface, which is in one piece there.
+            # The way passes through the surface, which is connected there.
             crossed = (over[:-1] > 0) & (over[1:] <= 0) & (np.abs(np.diff(at, axis=0)) <= jump)
             crossed &= np.diff(steps)[:, None] <= 1
             step, which = np.nonzero(crossed)
@@ -102,7 +101,7 @@ class Surfaces:
             before, behind = over[step, which], over[step + 1, which]
             share = (before / (before - behind))[:, None]
             met = along[step, which] + share * (along[step + 1, which] - along[step, which])
-            # From one side of the highlight to the other, another place of it is before the same pixel.
+            # Across the highlight, other points of it are behind the same pixel.
             blur = widths[which] * np.abs(1 + (steps[step] + share[:, 0]) / displacement)
             levels = np.searchsorted(WIDTHS, blur, "right") - 1
             left = np.ones(len(way))
@@ -114,20 +113,19 @@ class Surfaces:
         return passed
 
     def _on_raster(self, places: Floats) -> Floats:
-        """(..., 2) columns and rows of places in pixels, a pixel's middle being a whole number."""
+        """Convert positions in pixels to columns and rows (..., 2), whole numbers at pixel centres."""
         return np.asarray(places + self._corner[::-1] - 0.5)
 
     def steps(self, place: Floats, size: int, displacement: float) -> Floats:
-        """Find by how much nearer surfaces are that may hide some of a highlight.
+        """Find the displacements by which occluders of a highlight may be nearer.
 
         Args:
-            place: (2,) x and y of its middle, in pixels of the canvas.
-            size: Its larger side in pixels.
+            place: (2,) x and y of its centre, in pixels of the canvas.
+            size: Its longer side in pixels.
             displacement: Pixels at the aperture's rim, relative to the focal plane.
 
         Returns:
-            (n,) whole pixels of displacement, ascending, around those of the surfaces; none where no surface
-            is near enough.
+            (n,) increasing whole pixels of displacement around those of the surfaces; empty without any.
         """
         farthest = OUTSIDE * max(0.0, float(self._nearest.max()) - displacement)
         if farthest < self._least:
@@ -147,14 +145,14 @@ class Surfaces:
 
 
 class _Blurred:
-    """Opacities (H, W), blurred by each of `WIDTHS` when that is asked for."""
+    """Opacities (H, W), blurred by each of `WIDTHS` on demand."""
 
     def __init__(self, alpha: Map) -> None:
         self.sharp = np.ascontiguousarray(alpha)
         self._wider = {0: self.sharp}
 
     def by(self, level: int) -> Map:
-        """(H, W) blurred by one of `WIDTHS`."""
+        """Return the opacities blurred by one of `WIDTHS`."""
         if level not in self._wider:
             blurred = cv2.GaussianBlur(self.sharp, (0, 0), WIDTHS[level] / np.sqrt(12))
             self._wider[level] = np.asarray(blurred, np.float32)
@@ -162,9 +160,9 @@ class _Blurred:
 
 
 def _sampled(values: Map, at: Map, interpolation: int) -> Map:
-    """(...) values of a raster (H, W) at columns and rows (..., 2); past its border as at it."""
+    """Sample a raster (H, W) at columns and rows (..., 2), repeated past its border."""
     count = int(np.prod(at.shape[:-1]))
-    # OpenCV takes pictures of less than 32,768 pixels a side only.
+    # OpenCV accepts less than 32,768 pixels a side.
     places = np.zeros((-(-count // LONGEST) * LONGEST, 2), np.float32)
     places[:count] = at.reshape(-1, 2)
     if not count:

@@ -1,9 +1,9 @@
-"""Clipped highlights of a clip restored to their brightness, equal in every frame.
+"""Restoration of a clip's clipped highlights, equal in every frame.
 
-The rim of a light source gives its brightness, with an error that depends on its place on the pixels. The
-source is therefore looked for in other frames, along its epipolar line, and all estimates are averaged with a
-weight that falls linearly with distance in time: nothing flickers. The frames are those of hidden colours.
-Nothing depends on the lens, so results are kept beside depth (`kept_highlights`).
+The rim of a light source gives its brightness, with an error that depends on its position on the pixels. So
+the source is searched in other frames along its epipolar line, and all estimates are averaged with a weight
+that falls linearly with distance in time, against flicker. The frames are those of hidden colours. Nothing
+depends on the lens, so results are stored beside depth (`kept_highlights`).
 """
 
 from __future__ import annotations
@@ -28,30 +28,26 @@ from ..warp.highlights import LostLight, Told, lamps, lost_light
 from . import kept_highlights as kept
 
 STEP, LEAST_FRAMES = 8, 8
-"""Every so many-th registered frame is a source, of a short clip more, as for hidden colours
-(`FillOptions`)."""
+"""Step between sources in registered frames, and least sources of a short clip, as for hidden colours."""
 POOLED = 8
-"""Frames, evenly over the clip, whose light sources give the clip's kinds of lamps. Chosen by inspection."""
+"""Frames, evenly spread, whose light sources give the clip's kinds of lamps. Chosen by inspection."""
 SPAN = 16
-"""Registered frames before and after, up to which frames are sources. Chosen by inspection."""
+"""Registered frames before and after that may be sources. Chosen by inspection."""
 KEPT = 64 << 20
-"""Bytes of frames' highlights that are remembered, and of the light that they lost."""
+"""Most bytes of remembered highlights, and of their lost light."""
 NEAREST = 1.2
 """Largest inverse depth of a light source, relative to that of the frame's features. Chosen by inspection."""
 MOST_PARALLAX = 0.05
-"""Share of the long side by which a light source may move, besides the camera's turn, without features of
-known depth."""
+"""Largest parallax of a light source as a share of the long side, without features of known depth."""
 BESIDE = 0.004
-"""Share of the long side between a light source and its epipolar line: 2.6 of 640 pixels. Chosen by
-inspection."""
+"""Largest distance from the epipolar line by the long side: 2.6 of 640 pixels. Chosen by inspection."""
 ALIKE = 1.1
-"""Logarithm of the ratio of two blobs' areas that may be one light source: a factor of three. Chosen by
-inspection."""
+"""Largest log ratio of areas of one light source in two frames: a factor of 3. Chosen by inspection."""
 UNLIKE = 4.0
-"""Pixels beside the line that count as much as a ratio of areas of e. Chosen by inspection."""
+"""Pixels from the line that count as much as a ratio of areas of e. Chosen by inspection."""
 
 MOST_GAIN = 1000.0
-"""Largest gain of restored light: a hundred times the need. Chosen by inspection."""
+"""Largest gain of restored light, a hundred times the need. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
@@ -64,22 +60,20 @@ class HighlightSettings:
         " discs: 1 restores the full estimate, 0 leaves the clip as it is. Float images are not changed",
         name="highlights", least=0.0, most=MOST_GAIN, soft_most=4.0, words={"off": 0.0}, precision=2,
     )  # fmt: skip
-    """Share of the clipped light that is restored; 0 leaves pictures unchanged."""
     threshold: float = option(
         0.97, "Clipping Threshold",
         "Brightness above which a pixel counts as clipped, in linear light where 1 is white. Lower it if"
         " the clip's highlights were recorded as light gray",
         name="highlight_threshold", least=0.1, most=1.0,
     )  # fmt: skip
-    """Linear light, 1 being white, from which on a pixel of a picture of integers counts as clipped."""
+    """Linear light, relative to white, from which on a pixel of an integer picture is clipped."""
 
 
 RESTORED = HighlightSettings()
-"""Default settings."""
 
 
 class ClipHighlights:
-    """The highlights of a clip's frames, at one threshold."""
+    """The highlights of a clip's frames at one threshold."""
 
     def __init__(
         self,
@@ -88,24 +82,17 @@ class ClipHighlights:
         threshold: float,
         store: DepthStore | None = None,
     ) -> None:
-        """Prepare the highlights of a clip.
-
-        Args:
-            reconstruction: Solve of the clip.
-            read: Returns a frame's picture as `Footage.read` does.
-            threshold: Clipping threshold in [0, 1].
-            store: Storage of results.
-        """
+        """Prepare for a clip that `read` reads like `Footage.read`, at a threshold in [0, 1]."""
         self._rec, self._read, self._threshold, self._store = reconstruction, read, threshold, store
         self._found = LRUCache[Lamps](KEPT, kept.size)
         self._lost = LRUCache[LostLight](KEPT, kept.size)
         self._known_kinds: tuple[list[int], Floats] = [], kinds_of([])
 
     def restored(self, frame: int, picture: LinearRGBA, gain: float) -> LinearRGBA:
-        """A frame's picture (H, W, 4), linear, with `gain` of the light that clipping took.
+        """Return a linear picture (H, W, 4) of a frame with `gain` of the light that clipping removed.
 
-        Only clipped channels of clipped pixels become brighter. UserError where another frame cannot be read.
-        Passes checkpoints.
+        Only clipped channels of clipped pixels become brighter. Raises UserError if another frame cannot be
+        read. Passes checkpoints.
         """
         lost = self._lost.get(frame, lambda: self._lost_light(frame, picture))
         if not len(lost.pixel):
@@ -115,13 +102,13 @@ class ClipHighlights:
         return result
 
     def knows(self, frame: int) -> bool:
-        """Return whether the clipped light of a frame is remembered or kept."""
+        """Return whether the clipped light of a frame is remembered or stored."""
         return frame in self._lost or (
             self._store is not None and self._store.is_kept(kept.named(kept.LOST, frame, self._threshold))
         )
 
     def _lost_light(self, frame: int, picture: LinearRGBA) -> LostLight:
-        """The clipped light of a frame's picture (H, W, 4); the same whether it is kept or found."""
+        """Return the clipped light of a frame's picture (H, W, 4), equal whether stored or computed."""
         name, shape = kept.named(kept.LOST, frame, self._threshold), picture.shape[:2]
         found = kept.read_lost(self._store, name, shape) if self._store else None
         if found is None:
@@ -134,10 +121,10 @@ class ClipHighlights:
         return found
 
     def _kinds(self, frame: int) -> Floats:
-        """(a, r) what is `kinds_of` frames all over the clip, the same for each of its frames."""
+        """Return (a, r) `kinds_of` frames all over the clip, the same for each frame."""
         frames = self._rec.frames[:: stride(self._rec, STEP, LEAST_FRAMES)]
         spread = np.linspace(0, len(frames) - 1, min(POOLED, len(frames))).round().astype(int)
-        # Photos differ in exposure, so that each is a clip alone.
+        # Photos differ in exposure, so each is treated as a clip.
         pooled = [int(frames[each]) for each in spread] if self._rec.is_ordered else [frame]
         if self._known_kinds[0] != pooled:
             theirs = self._lamps(pooled)
@@ -145,9 +132,9 @@ class ClipHighlights:
         return self._known_kinds[1]
 
     def _neighbours(self, here: Image) -> list[tuple[Image, float]]:
-        """The frames around one that estimate its highlights, and their weights, above zero."""
+        """Return the frames around one that estimate its highlights, and their weights above zero."""
         if not self._rec.is_ordered:
-            # Photos differ in exposure: a light source has the brightness that each photo gives.
+            # Photos differ in exposure: a light source has the brightness in its own photo.
             return []
         step = stride(self._rec, STEP, LEAST_FRAMES)
         around = [
@@ -157,10 +144,7 @@ class ClipHighlights:
         return [(other, weight) for other, weight in around if weight > 0]
 
     def _lamps(self, frames: list[int]) -> dict[int, Lamps]:
-        """The highlights of frames, remembered, kept or found.
-
-        Frames that another process is working on are left to it.
-        """
+        """Return the highlights of frames, remembered, stored or computed, by this or another process."""
 
         def find(frame: int) -> Lamps:
             return lamps(clipped_blobs(to_linear(self._read(frame)), self._threshold))
@@ -176,7 +160,7 @@ class ClipHighlights:
         return known | made
 
     def _told(self, frame: int, own: Blobs) -> Told:
-        """The estimates of other frames for a frame's blobs."""
+        """Sum the estimates of other frames for a frame's blobs."""
         total, evidence, tint = (
             np.zeros(len(own)),
             np.zeros((len(own), len(RADIANCES))),
@@ -196,7 +180,7 @@ class ClipHighlights:
         return total, evidence, tint
 
     def _matches(self, here: Image, own: Blobs, other: Image, theirs: Lamps) -> tuple[Indices, Indices]:
-        """Numbers (m,) of a frame's highlights and of another's (m,) that are each other's best match."""
+        """Return indices (m,) of a frame's highlights and of another's that are mutual best matches."""
         camera, there = self._rec.intrinsics(here), self._rec.intrinsics(other)
         size = (np.array([each.width, each.height]) for each in (camera, there))
         xy, place = (each * pixels for each, pixels in zip((own.centre, theirs.centre), size, strict=True))
@@ -215,9 +199,9 @@ class ClipHighlights:
         return mine[both], match[both]
 
     def _segments(self, here: Image, xy: Floats, other: Image) -> tuple[Floats, Floats]:
-        """Where another frame sees places (n, 2) at infinity, and at the nearest depth.
+        """Return the ends (n, 2) of epipolar segments of positions (n, 2) in another frame, in pixels.
 
-        (n, 2) each, in pixels of the other frame; NaN behind it.
+        They are at infinity and at the nearest depth; NaN behind the camera.
         """
         camera, there = self._rec.intrinsics(here), self._rec.intrinsics(other)
         rotation, translation = relative_pose(here, other)
@@ -231,28 +215,28 @@ class ClipHighlights:
         return ends[0], ends[1]
 
     def _nearest(self, here: Image, camera: Intrinsics, baseline: float) -> float:
-        """Inverse depth that nothing in a frame is nearer than."""
+        """Return an upper bound of inverse depth in a frame."""
         seen = here.points[here.points >= 0]
         if len(seen):
             depth = self._rec.points.xyz[seen] @ here.rotation[2] + here.translation[2]
             nearest = float(np.percentile(depth, 2))
             if nearest > 0:
                 return NEAREST / nearest
-        # From one place everything is seen where it was, however near.
+        # Without a baseline there is no parallax at any depth.
         return (
             MOST_PARALLAX * max(camera.width, camera.height) / (camera.fx * baseline) if baseline > 0 else 0.0
         )
 
 
 def _near_segments(far: Floats, near: Floats, place: Floats, reach: float) -> tuple[Indices, Indices]:
-    """Pairs (p,) of segments and places (m, 2) that may be nearer than `reach`.
+    """Return pairs (p,) of segments, from (n, 2) to (n, 2), and positions (m, 2) possibly within `reach`.
 
-    Segments go from (n, 2) to (n, 2). The pairs are near in x or in y, whichever gives fewer.
+    The pairs are near in x or in y, whichever gives fewer.
     """
     low, high = np.minimum(far, near) - reach, np.maximum(far, near) + reach
     axis = int(np.argmin(np.nansum(high - low, axis=0)))
     order = np.argsort(place[:, axis], kind="stable")
-    # Places that are not numbers come last, and are among none.
+    # Positions of NaN come last, and are in no pair.
     first, last = (np.searchsorted(place[order, axis], bound[:, axis]) for bound in (low, high))
     count = np.where(np.isnan(low + high).any(axis=1), 0, np.maximum(last - first, 0))
     mine = np.repeat(np.arange(len(far)), count)
@@ -261,12 +245,12 @@ def _near_segments(far: Floats, near: Floats, place: Floats, reach: float) -> tu
 
 
 def _rays(camera: Intrinsics, xy: Floats) -> Floats:
-    """(n, 2) x and y at unit depth of the rays through pixels (n, 2)."""
+    """Return (n, 2) x and y at unit depth of the rays through pixels (n, 2)."""
     rays = (xy - camera.principal_point) / camera.focal
     return camera.undistort(rays) if camera.is_distorted else rays
 
 
 def _pace(reconstruction: Reconstruction) -> float:
-    """Frames from one registered frame to the next."""
+    """Return the mean number of frames between registered frames."""
     frames = reconstruction.frames
     return float(frames[-1] - frames[0]) / max(len(frames) - 1, 1)

@@ -27,28 +27,27 @@ Shown = NDArray[np.uint8]
 NAMES = ("depth", "sources", "blur", "focus")
 """All pictures, in display order."""
 SOURCES = ("inpainted", "borrowed", "own")
-"""Where a pixel's light comes from, in the order of red, green and blue: made up from beside, or mirrored at
-the border; other frames; the frame itself."""
+"""Sources of light, in red, green and blue: inpainted or mirrored; other frames; the frame itself."""
 SOURCE_VIEWS = 16
 """Views for the shares of the sources."""
 LARGEST_TEXTURE = 4096
-"""Pixels of the longer side of a texture that separates inside from outside."""
+"""Longest side in pixels of a texture that separates inside from outside."""
 TINT = 0.45
 """Largest share of the tint."""
 GREEN, RED = (0.0, 0.8, 0.2), (0.95, 0.1, 0.1)
 WARM = ((1.0, 1.0, 1.0), (1.0, 0.55, 0.1), (0.55, 0.0, 0.0))
 COLD = ((1.0, 1.0, 1.0), (0.3, 0.6, 1.0), (0.0, 0.0, 0.5))
-"""In focus, half way, and where discs are largest: before the focal plane, and beyond."""
+"""Colours in focus, half way, and of the largest discs: in front of the focal plane, and behind it."""
 NEARER, FARTHER = (0.1, 0.3, 1.0), (0.1, 0.8, 0.2)
-"""Tints of things in front of the focus, and behind it."""
+"""Tints in front of the focus, and behind it."""
 SHARE = 99.0
-"""Per cent of the pixels that the scales of depth and blur show; the rest has their last colour."""
+"""Per cent of the pixels within the scales of depth and blur; others have the last colour."""
 
 
 def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dict[str, Shown]:
-    """Every picture of a frame that there is to make, by name.
+    """Make all available pictures of a frame by name, for a linear frame (H, W, 4).
 
-    `source` (H, W, 4) is the frame, linear; `shares` (H, W, 3) what `shares_of` gives.
+    `shares` (H, W, 3) are those of `shares_of`.
     """
     made = {name: picture(name, warped, source, shares) for name in NAMES}
     return {name: shown for name, shown in made.items() if shown is not None}
@@ -57,10 +56,7 @@ def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dic
 def picture(
     name: str, warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA | None = None
 ) -> Shown | None:
-    """One of `pictures` (H, W, 3), of a name in `NAMES`; None where there is none to make.
-
-    Only "sources" needs the shares.
-    """
+    """Make one of `pictures` (H, W, 3), or None if it is not available; only "sources" needs the shares."""
     plan, frame = warped.plan, _encoded(source[..., :3])
     match name:
         case "depth":
@@ -75,7 +71,7 @@ def picture(
 
 
 def inverse_depth(warped: WarpedFrame) -> Floats:
-    """(H, W) of the canvas's pixels, that the frame is drawn with; NaN where there is nothing."""
+    """Return the inverse depth (H, W) with which the canvas is drawn; NaN in empty pixels."""
     if warped.layers and warped.depth is not None and warped.steadied is None:
         return warped.depth.inverse_depth
     mesh, pinhole = warped.plan.mesh, warped.plan.canvas.pinhole
@@ -84,7 +80,7 @@ def inverse_depth(warped: WarpedFrame) -> Floats:
 
 
 def blur_discs(warped: WarpedFrame) -> Floats:
-    """(H, W) signed diameters in pixels of the blur discs of the canvas's pixels, as `ThinLens.blur_disc`."""
+    """Return signed diameters (H, W) in pixels of the canvas's blur discs, as `ThinLens.blur_disc`."""
     lens = warped.plan.lens
     return lens.blur_disc(lens.untilted_raster(inverse_depth(warped)))
 
@@ -93,27 +89,27 @@ def blur_discs(warped: WarpedFrame) -> Floats:
 
 
 def fewer_views(warped: WarpedFrame, most: int = SOURCE_VIEWS) -> WarpedFrame:
-    """A frame through at most so many views, evenly over the whole disc of its aperture."""
+    """Limit a frame's views to `most`, evenly over the whole disc of its aperture."""
     plan = warped.plan
     if len(plan.offsets) <= most:
         return warped
     offsets = plan.lens.sheared_positions(plan.lens.radius * vogel_disc(most))
     registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
     if warped.method == "thesis":
-        # Its positions are random and its registration is fitted: any views will do.
+        # Its positions are random and its registration is fitted, so any views suffice.
         offsets, registration = plan.offsets[:most], plan.registration[:most]
     plan = replace(plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0)
     return replace(warped, plan=plan)
 
 
 def source_frame(warped: WarpedFrame) -> WarpedFrame:
-    """Return a frame's mesh with fewer views, painted with the sources of its colours.
+    """Paint a frame's mesh with the sources of its colours, for fewer views.
 
     The mean of the views has in red, green and blue the shares of `SOURCES`, premultiplied by coverage.
     """
     warped = fewer_views(warped)
     if warped.plan.axial_colour:
-        # Its channels are no colours.
+        # The channels are not colours.
         warped = replace(warped, plan=replace(warped.plan, axial_colour=0.0))
     if warped.layers:
         return replace(warped, texture=_layers_sources(warped), highlight_discs=None, cg=())
@@ -122,9 +118,9 @@ def source_frame(warped: WarpedFrame) -> WarpedFrame:
 
 
 def shares_of(mean: LinearRGBA, canvas: Canvas) -> LinearRGBA:
-    """(H, W, 3) share in [0, 1] of each of `SOURCES` in a source frame's pixels.
+    """Return the share (H, W, 3) in [0, 1] of each of `SOURCES` in a source frame's pixels.
 
-    `mean` (h, w, 4) is that of the views of `source_frame`; the shares make one where it is all covered.
+    `mean` (h, w, 4) is that of the views of `source_frame`; the shares sum to 1 in covered pixels.
     """
     drawn = np.clip(canvas.to_source(mean), 0, 1)
     total = drawn[..., :3].sum(axis=2)
@@ -133,7 +129,7 @@ def shares_of(mean: LinearRGBA, canvas: Canvas) -> LinearRGBA:
 
 
 def _own(canvas: Canvas) -> Mask:
-    """(h, w) pixels of the canvas that the source frame shows; the others are mirrored."""
+    """Return (h, w) pixels of the canvas within the source frame; others are mirrored."""
     if not canvas.camera.is_distorted:
         return np.ones((canvas.pinhole.height, canvas.pinhole.width), bool)
     place = canvas.canvas_map() + 0.5
@@ -141,12 +137,12 @@ def _own(canvas: Canvas) -> Mask:
 
 
 def _painted(own: Mask, foreign: Mask) -> LinearRGBA:
-    """(H, W, 3) red, green or blue."""
+    """Return (H, W, 3) red, green or blue."""
     return np.stack([~own & ~foreign, foreign, own & ~foreign], axis=2).astype(np.float32)
 
 
 def _layers_sources(warped: WarpedFrame) -> LinearRGBA:
-    """The sources of the texture of layers, with its alpha."""
+    """Return the sources of the layers' texture, with its alpha."""
     texture = warped.texture
     painted = [_painted(own, foreign) for own, foreign in _origins(warped)]
     if texture.shape[1] != painted[0].shape[1]:
@@ -156,7 +152,7 @@ def _layers_sources(warped: WarpedFrame) -> LinearRGBA:
 
 
 def _finer(picture: LinearRGBA) -> LinearRGBA:
-    """(h, w, 3) a picture (H, W, 3) as fine as the texture, its pixels at the texture's."""
+    """Enlarge a picture (H, W, 3) to the texture's resolution, aligned with its texels."""
     height, width = picture.shape[:2]
     scale = np.array([[1 / FINER, 0, 0], [0, 1 / FINER, 0]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -165,10 +161,7 @@ def _finer(picture: LinearRGBA) -> LinearRGBA:
 
 
 def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:
-    """Masks (H, W) for every surface of a mesh of layers, near ones first.
-
-    The first mask of a surface has the frame's own pixels, the second one those lent by other frames.
-    """
+    """Return own and foreign pixels (H, W) for every surface of a mesh of layers, near to far."""
     shape, canvas, margin_reprojected = (
         warped.layers[0].disoccluded.shape,
         warped.plan.canvas,
@@ -186,7 +179,7 @@ def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:
 
 
 def _inner(layers: LayeredDepthImage, canvas: Canvas) -> tuple[slice, slice]:
-    """Where the canvas is on the layers' raster, which reaches past the border all around."""
+    """Return the canvas's part of the layers' raster, which extends past its border."""
     rows, columns = layers.disoccluded.shape
     size = canvas.pinhole.height, canvas.pinhole.width
     top, left = (rows - size[0]) // 2, (columns - size[1]) // 2
@@ -194,15 +187,12 @@ def _inner(layers: LayeredDepthImage, canvas: Canvas) -> tuple[slice, slice]:
 
 
 def _plain_sources(warped: WarpedFrame) -> tuple[WarpMesh, LinearRGBA]:
-    """A mesh painted with the canvas picture, mirrored past the border, and its sources.
-
-    The sources have the size of a texture with the part past the border.
-    """
+    """Return a mesh painted with the mirrored canvas picture, and its sources in the same texture."""
     mesh, own = warped.plan.mesh, _own(warped.plan.canvas)
     size = np.array(own.shape[::-1])
     beyond = np.maximum(-mesh.texture_xy, mesh.texture_xy - size).max(initial=0)
     margin = int(np.ceil(min(beyond, 1e9))) + 2
-    # A wide aperture sees far past the border, where all pixels look alike.
+    # A wide aperture sees far past the border, where all pixels are alike.
     scale = min(1.0, LARGEST_TEXTURE / float((size + 2 * margin).max()))
     wide = np.maximum(np.round(scale * (size + 2 * margin)).astype(int), 1)
     xy = scale * (mesh.texture_xy + margin)
@@ -218,7 +208,7 @@ def _plain_sources(warped: WarpedFrame) -> tuple[WarpMesh, LinearRGBA]:
 
 
 def _depth(inverse: Floats) -> Shown:
-    """Near red, far blue, black where there is nothing."""
+    """Colour near pixels red, far ones blue and empty ones black."""
     known = np.isfinite(inverse)
     if not known.any():
         return np.zeros((*inverse.shape, 3), np.uint8)
@@ -229,13 +219,13 @@ def _depth(inverse: Floats) -> Shown:
 
 
 def surface_of(warped: WarpedFrame) -> NDArray[np.intp]:
-    """(V,) which surface of a mesh of layers vertices are on, 0 for the nearest."""
+    """Return (V,) surface numbers of the vertices of a mesh of layers, 0 for the nearest."""
     height = warped.texture.shape[0] / (len(warped.layers) + 1)
     return np.asarray(warped.plan.mesh.texture_xy[:, 1] // height, np.intp)
 
 
 def opaque_triangles(warped: WarpedFrame) -> int:
-    """How many triangles of a frame's mesh nothing of it is seen through: the first ones."""
+    """Return the number of opaque triangles of a frame's mesh, which are the first."""
     mesh = warped.plan.mesh
     if not warped.layers:
         return len(mesh.triangles)
@@ -243,7 +233,7 @@ def opaque_triangles(warped: WarpedFrame) -> int:
 
 
 def _sources(shares: LinearRGBA, frame: Shown) -> Shown:
-    """The frame in grey where its light is its own; green what was borrowed, red what was made up."""
+    """Show the frame's own light in grey, other frames' in green and inpainted light in red."""
     grey = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)[..., None] / np.float32(255)
     own = (0.04 + 0.7 * grey**2.2) * np.array([0.45, 0.6, 1.0], np.float32)
     light = shares[..., 2:] * own
@@ -252,7 +242,7 @@ def _sources(shares: LinearRGBA, frame: Shown) -> Shown:
 
 
 def _blur(signed: Floats) -> Shown:
-    """Signed diameters (H, W) in colours: white in focus, warm nearer, cold beyond; black for NaN."""
+    """Colour signed diameters (H, W): white in focus, warm in front, cold behind, black for NaN."""
     known = np.isfinite(signed)
     full = largest_shown(signed)
     share = np.where(known, signed, 0) / full if full > 0 else np.zeros(signed.shape)
@@ -263,9 +253,10 @@ def _blur(signed: Floats) -> Shown:
 
 
 def _focus_tint(warped: WarpedFrame) -> Shown:
-    """(H, W, 4) tint of unsharp pixels of the canvas, and its share.
+    """Return (H, W, 4) tints of unsharp pixels of the canvas, and their shares.
 
-    The share is 0 up to the acceptable circle of confusion, half at twice its size, and approaches `TINT`.
+    The share is 0 up to the acceptable circle of confusion, half of `TINT` at twice its size, and approaches
+    `TINT`.
     """
     signed = np.nan_to_num(blur_discs(warped))
     least = warped.plan.lens.acceptable_disc
@@ -275,13 +266,13 @@ def _focus_tint(warped: WarpedFrame) -> Shown:
 
 
 def _focus(tint: Shown, frame: Shown) -> Shown:
-    """The frame (H, W, 3) clear where it is in focus, blue before and green beyond, by `_focus_tint`."""
+    """Tint the frame (H, W, 3): clear in focus, blue in front of it, green behind."""
     share = tint[..., 3:] / np.float32(255)
     return np.asarray(np.round((1 - share) * frame + share * tint[..., :3]), np.uint8)
 
 
 def largest_shown(signed: Floats) -> float:
-    """Diameter in pixels of the discs (h, w) that the last colour in the picture of blur stands for."""
+    """Return the diameter in pixels of the last colour in the picture of blur, for discs (h, w)."""
     known = np.abs(signed[np.isfinite(signed)])
     return float(np.percentile(known, SHARE)) if len(known) else 0.0
 
@@ -295,7 +286,7 @@ def _bytes(share: NDArray[np.floating]) -> Shown:
 
 
 def _in_source(picture: Shown, canvas: Canvas) -> Shown:
-    """A picture (h, w[, 3]) of the canvas in the source frame's geometry (H, W[, 3])."""
+    """Resample a picture (h, w[, 3]) of the canvas in the source frame's geometry (H, W[, 3])."""
     if not canvas.camera.is_distorted:
         return picture
     at = canvas.source_map()

@@ -1,6 +1,6 @@
-"""Storage of a clip's highlights beside its depth: the clipped light of frames, and estimates from rims.
+"""Storage of a clip's highlights beside its depth: clipped light, and estimates from rims.
 
-Results are the same whether they are found or read.
+Results are equal whether they are computed or read.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from ..warp.highlights import LostLight
 LOST, LAMPS = "lost", "lamps"
 """Kinds of files."""
 BRIGHTEST = 60000.0
-"""Linear light that a half float holds."""
+"""Largest linear light of a half float."""
 ROW = 1024
-"""Pixels side by side in the picture that light is kept as."""
+"""Pixels in a row of the picture that stores light."""
 
 
 def named(kind: str, frame: int, threshold: float) -> str:
-    """The name of a frame's file of a kind, at a threshold."""
+    """Return the name of a frame's file of a kind, at a threshold."""
     return f"{kind}-{threshold:.6g}-{frame:06d}"
 
 
 def size(found: Lamps | LostLight) -> int:
-    """Bytes that it takes in memory."""
+    """Return the size in memory in bytes."""
     arrays = (value for value in vars(found).values() if isinstance(value, np.ndarray))
     return 1 + sum(array.nbytes for array in arrays)
 
 
 def rounded(lost: LostLight) -> LostLight:
-    """As it is kept."""
+    """Round to the stored precision."""
     return LostLight(lost.pixel, _halves(lost.light).astype(np.float32))
 
 
 def keep_lost(store: DepthStore, name: str, lost: LostLight, shape: tuple[int, int]) -> None:
-    """Keep what `rounded` made, of a picture of a shape (h, w)."""
+    """Store a result of `rounded` for a picture (h, w)."""
     mask = np.zeros(shape, np.uint8)
     mask.ravel()[lost.pixel] = 1
     bits = _halves(lost.light).T.ravel().view(np.uint16)
@@ -49,7 +49,7 @@ def keep_lost(store: DepthStore, name: str, lost: LostLight, shape: tuple[int, i
 
 
 def read_lost(store: DepthStore, name: str, shape: tuple[int, int]) -> LostLight | None:
-    """Return the kept clipped light of a picture of a shape (h, w); None if it is missing or damaged."""
+    """Read the clipped light of a picture (h, w); None if it is missing or damaged."""
     parts = store.read(name, ("where", "light"))
     mask, rows = (None, None) if parts is None else (decoded(part, LONGEST_SIDE) for part in parts.values())
     if mask is None or rows is None or mask.shape != shape or rows.dtype != np.uint16:
@@ -68,15 +68,10 @@ def lamps_of(
     name: Callable[[int], str],
     find: Callable[[int], Lamps],
 ) -> dict[int, Lamps]:
-    """Return the estimates from rims in frames, kept or found.
+    """Return the estimates from rims in frames, stored or computed.
 
-    Frames that another process is working on are left to it; see `DepthStore.made`.
-
-    Args:
-        store: Storage of estimates.
-        frames: Numbers of frames.
-        name: Returns a frame's name in the store.
-        find: Makes the estimates of a frame.
+    `name` returns a frame's name in the store, `find` computes its estimates. Frames that another process is
+    working on are left to it; see `DepthStore.made`.
     """
     if store is None:
         return {frame: find(frame) for frame in frames}
@@ -101,5 +96,5 @@ def lamps_of(
 
 
 def _halves(light: NDArray[np.float32]) -> NDArray[np.float16]:
-    """(k, 3) light (k, 3) as half floats, right to 0.05 %."""
+    """Convert light (k, 3) to half floats, accurate to 0.05 %."""
     return np.ascontiguousarray(np.minimum(light, BRIGHTEST).astype(np.float16))

@@ -1,4 +1,4 @@
-"""The moving parts of a clip's frames: subjects that are found or marked, and masks."""
+"""The moving parts of a clip's frames: subjects, detected or marked, and masks."""
 
 from __future__ import annotations
 
@@ -30,40 +30,38 @@ from ..subjects.static_depth import StaticDepth
 from ..subjects.strokes import MarkedSubject
 
 KEPT_MASKS = 64
-"""Masks of moving pixels that are remembered: those of the frames around one, from which hidden colours
-come."""
+"""Remembered masks of moving pixels: those of the frames around one, for hidden colours."""
 
 
 @dataclass(frozen=True)
 class MovingParts:
-    """Which pixels of each frame move, and how far they are. Errors as of `ClipPictures.picture`."""
+    """Moving pixels of each frame and their distance; methods raise UserError like `ClipPictures.picture`."""
 
     reconstruction: Reconstruction
     read: Callable[[int], Pixels]
-    """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
+    """Reads a frame (H, W, 3 or 4), as `Footage.read`."""
     subjects: ClipSubjects
-    """Source of subjects."""
     marked: tuple[MarkedSubject, ...]
     """Subjects that the user has marked by strokes."""
     masks: Moving | None
-    """The opacity in [0, 1] of moving pixels by the user's masks, (h, w) of a source frame at any size."""
+    """Returns opacity (h, w) in [0, 1] of moving pixels in a source frame, any size, by the user's masks."""
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels."""
 
     @cached_property
     def every_subject(self) -> list[ClipSubject]:
-        """The subjects that are marked, and the people and other moving objects that are not among them."""
+        """The marked subjects, and the people and other moving objects that are not among them."""
         marked = [self.subjects.marked(each) for each in self.marked]
         return [*marked, *self.people, *self.subjects.others(marked, self.subjects.objects)]
 
     @cached_property
     def people(self) -> list[ClipSubject]:
-        """The people of the clip whom no marked subject covers."""
+        """The people of the clip that no marked subject covers."""
         marked = [self.subjects.marked(each) for each in self.marked]
         return self.subjects.others(marked, self.subjects.people)
 
     def named(self, name: str) -> ClipSubject:
-        """Return a subject by its name; UserError for a name that no subject has."""
+        """Return a subject by its name; raises UserError for an unknown one."""
         marked = next((each for each in self.marked if each.name == name), None)
         if marked is not None:
             return self.subjects.marked(marked)
@@ -74,7 +72,7 @@ class MovingParts:
         return found
 
     def at(self, frame: int, x: float, y: float) -> ClipSubject | None:
-        """Return the subject at fractions x, y of a frame's picture, (0, 0) top left; None beside all."""
+        """Return the subject at fractions x, y of a frame's picture, (0, 0) top left, or None."""
         for each in self.every_subject:
             mask = each.mask(frame)
             rows, columns = mask.shape
@@ -83,10 +81,9 @@ class MovingParts:
         return None
 
     def mask(self, frame: int) -> Mask | None:
-        """Return the moving pixels (h, w) of a frame, over the source frame at any size.
+        """Return the moving pixels (h, w) of a source frame, at any size, for all qualities.
 
-        They belong to subjects, found or marked, and to masks; None without either. All qualities have the
-        same.
+        They are those of subjects, detected or marked, and of masks; None without either.
         """
         return self._masks.get(frame, lambda: self._moving(frame))
 
@@ -107,7 +104,7 @@ class MovingParts:
 
     @cached_property
     def _masked(self) -> list[Subject]:
-        """The objects of the masks; none in photos, in which nothing can be followed."""
+        """The objects of the masks; none in photos, which cannot be followed."""
         if self.masks is None or not self.reconstruction.is_ordered:
             return []
         pictures = self.subjects.pictures
@@ -125,13 +122,13 @@ class MovingParts:
 
     @cached_property
     def scene(self) -> FlatScene:
-        """The scene around a camera that stays in its place, by the people of the clip."""
+        """The scene of a static camera, by the people of the clip."""
         frames = sampled(self.subjects.pictures.frames)
         people = [list(self._outlines(each.mask, frames).values()) for each in self.subjects.people]
         return flat_scene(self.reconstruction, people)
 
     def _outlines(self, mask: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, Outline]:
-        """The outlines of a subject in those frames that show it."""
+        """Return the outlines of a subject in the frames that show it."""
         found = dict[int, Outline]()
         for frame in frames:
             image, _ = self.reconstruction.image_at(frame)
@@ -140,12 +137,12 @@ class MovingParts:
         return found
 
     def inverse_depths(self, mask: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
-        """Return what `Standing.inverse_depths` does, of a subject in `scene`."""
+        """Return inverse depths of a subject in `scene`; see `Standing.inverse_depths`."""
         seen = self._outlines(mask, frames)
         return {frame: self.scene.standing(each) for frame, each in seen.items()}
 
     def opacity(self, frame: int) -> Map | Mask | None:
-        """Return the opacity (H, W) in [0, 1] of subjects and masks; None where neither is known."""
+        """Return the opacity (H, W) in [0, 1] of subjects and masks; None without either."""
         masked = self.masks(frame) if self.masks else None
         if not self.every_subject:
             return masked
@@ -156,12 +153,12 @@ class MovingParts:
         return np.asarray(np.maximum.reduce(mattes))
 
     def _known(self, frame: int) -> Mask:
-        """(h, w) all moving pixels of a frame."""
+        """Return the (h, w) moving pixels of a frame, never None."""
         mask = self.mask(frame)
         return np.zeros((1, 1), bool) if mask is None else mask
 
     def _moving(self, frame: int) -> Mask | None:
-        """(h, w) subjects and masks of a frame."""
+        """Combine the (h, w) subjects and masks of a frame."""
         subjects = [each.mask(frame) for each in self.every_subject]
         masked = self.masks(frame) if self.masks else None
         if not subjects:

@@ -1,4 +1,4 @@
-"""All options of a frame by name: as .blend files, the command line and presets call them."""
+"""All options of a frame by their names in .blend files, command line and presets."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ FRAME_OPTIONS: dict[str, Option] = {
     **{name: replace(each, name=name) for name, each in options_of(FrameOptions).items()},
     **{each.name: each for each in options_of(HighlightSettings).values()},
 }
-"""Options of a frame that stand beside each other."""
+"""Options of a frame on the same level."""
 FRAME_OPTIONS["method"] = replace(FRAME_OPTIONS["method"], choices=MESHERS)
 APERTURE_OPTIONS: dict[str, Option] = options_of(Aperture)
-"""Options of the aperture's shape, which stand in a group of their own."""
+"""Options of the aperture's shape, in a group of their own."""
 
 
 def frame_values(values: dict[str, Any]) -> dict[str, Any]:
-    """Arguments of `FrameOptions` from values by the names of `FRAME_OPTIONS`, choices as identifiers."""
+    """Make arguments of `FrameOptions` from values by `FRAME_OPTIONS`' names, choices as identifiers."""
     own = {name: FRAME_OPTIONS[name].chosen(values[name]) for name in options_of(FrameOptions)}
     light = {field: values[each.name] for field, each in options_of(HighlightSettings).items()}
     return {**own, "highlights": HighlightSettings(**light)}
 
 
 def check_options(options: FrameOptions) -> None:
-    """UserError for options that are beyond their bounds, and a method that does not exist."""
+    """Raise UserError for options outside their bounds and for an unknown method."""
     check(options)
     check(options.highlights)
     FRAME_OPTIONS["method"].check(options.method)

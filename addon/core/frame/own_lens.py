@@ -1,9 +1,9 @@
-"""The lens that a clip was filmed through: the depth of field that it has already.
+"""The depth of field of a clip's own lens.
 
-Its circles of confusion are measured at edges beside feature points, whose depth is known: blurred once more
-by a known amount, the gradient of a sharp edge falls more than that of a soft one (Zhuo and Sim, "Defocus map
-estimation from a single image", 2011). Their variance is a parabola over inverse depth, whose apex is the
-focal plane. A wished lens then adds what is missing: variances of blurs add (Bae and Durand, "Defocus
+Circles of confusion are measured at edges beside feature points, whose depth is known: blurred once more by a
+known amount, the gradient of a sharp edge falls more than that of a soft one (Zhuo and Sim, "Defocus map
+estimation from a single image", 2011). Their variance is a parabola over inverse depth, with its apex at the
+focal plane. The user's lens then adds the difference, as variances of blurs add (Bae and Durand, "Defocus
 magnification", 2007).
 """
 
@@ -24,50 +24,50 @@ from ..media.picture_file import Pixels
 from ..optics.thin_lens import ThinLens
 
 LONGEST = 1280
-"""Pixels of the longer side of the measured pictures; edges of larger ones cost time and add nothing."""
+"""Longest side in pixels of the measured pictures; larger ones add nothing."""
 FRAMES = 8
 """Measured frames of a clip, evenly spread."""
 SMOOTHING = 0.7
-"""Standard deviation in pixels by which pictures are blurred first, against noise."""
+"""Standard deviation in pixels of the first blur, against noise."""
 AGAIN = 2.0
 """Standard deviation in pixels of the second blur, which separates edges of up to four pixels."""
 STEEP = 0.01
-"""Change of the square root of linear light a pixel, from which on an edge is more than noise."""
+"""Least change of the square root of linear light a pixel of an edge; less is noise."""
 NEAR = 4
-"""Pixels around a feature point in which its edge is looked for."""
+"""Pixels around a feature point in which its edge is searched."""
 PARTS, LEVELS = 3, 10
-"""Parts of the clip, and levels of depth in each, whose edges are taken together."""
+"""Parts of the clip, and levels of depth in each, whose edges are grouped."""
 FEWEST = 12
-"""Edges that a level has at least."""
+"""Least edges of a level."""
 SHARPEST = 0.2
-"""Share of a level's edges that are sharper than the one it is measured by: shadows and round things have
-soft edges in focus, too, but no edge is sharper than the lens."""
+"""Quantile of a level's edges that measures it: shadows and round objects have soft edges in focus, too, but
+no edge is sharper than the lens."""
 PLACES = 24
-"""Places at which the focal plane is looked for, in the first part of the clip and in the last."""
+"""Tested positions of the focal plane in the first part of the clip and in the last."""
 LEAST_DISC = 2.5
-"""Pixels of the largest circle of confusion that is one: surfaces of a pinhole's clip differ by as much as a
-disc of 1.6 does (a scratch script, on walk and blocks)."""
+"""Least diameter in pixels of the largest circle of confusion: surfaces of a pinhole's clip differ by as much
+as a disc of 1.6 (a scratch script, on walk and blocks)."""
 EXPLAINED = 0.6
-"""Share of the variance between levels that the lens has to explain."""
+"""Least share of the variance between levels that the lens explains."""
 LEAST_REST = 1e-6
-"""Share of the wished aperture's area that the clip's own lacks, at least: divided by, it is finite."""
+"""Least difference of the apertures' areas as a share of the user's, a divisor."""
 SIGMAS = 4.0
-"""Diameters of a disc in standard deviations along an axis."""
+"""Diameter of a disc in standard deviations along an axis."""
 
 
 @dataclass(frozen=True)
 class OwnLens:
-    """The thin lens that a clip was filmed through."""
+    """The thin lens with which a clip was filmed."""
 
     radius: float
-    """Radius of its aperture, in scene units."""
+    """Radius of its aperture in scene units."""
     focus: tuple[float, float]
-    """Inverse depth of its focal plane in the first frame and in the last."""
+    """Inverse depth of its focal plane in the first and the last frame."""
     frames: tuple[int, int]
-    """These."""
+    """Numbers of these frames."""
 
     def focus_at(self, frame: int) -> float:
-        """Inverse depth of its focal plane in a frame."""
+        """Return the inverse depth of its focal plane in a frame."""
         first, last = self.frames
         share = float(np.clip((frame - first) / max(last - first, 1), 0, 1))
         return (1 - share) * self.focus[0] + share * self.focus[1]
@@ -84,7 +84,7 @@ class OwnLens:
     def missing(self, frame: int, lens: ThinLens, inverse_depth: Floats | Map) -> Floats:
         """Return inverse depths (any shape) at which a lens has the blur that the clip lacks.
 
-        They are those of the focal plane where the clip's own discs are larger than the wished ones.
+        If the clip's discs are larger than the lens's, they are those of the focal plane.
         """
         wished = inverse_depth - lens.focus
         own = self.radius / lens.radius * (inverse_depth - self.focus_at(frame))
@@ -92,7 +92,7 @@ class OwnLens:
         return np.asarray(lens.focus + np.copysign(left, wished), np.float64)
 
     def true(self, frame: int, lens: ThinLens, missing: Floats) -> Floats:
-        """Inverse depths (n,) from `missing` (n,); of those in the focal plane, the one nearest to it.
+        """Return inverse depths (n,) from `missing` (n,); in the focal plane, the nearest one to it.
 
         With u = d - focus and e the distance of the planes, u^2 - s (u - e)^2 = m^2 has one root on each
         side.
@@ -107,7 +107,7 @@ class OwnLens:
         return np.asarray(lens.focus + (-b + np.where(left < 0, -root, root)) / rest)
 
     def remaining(self, frame: int, lens: ThinLens, depth: PixelDepth) -> PixelDepth:
-        """Return a frame's depth with each inverse depth replaced by the `missing` one."""
+        """Replace the inverse depths of a frame's depth by `missing` ones."""
 
         def each(values: Map | None) -> Map | None:
             return None if values is None else self.missing(frame, lens, values).astype(np.float32)
@@ -119,17 +119,10 @@ class OwnLens:
 
 
 def own_lens(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> OwnLens | None:
-    """Estimate the lens that a clip was filmed through.
+    """Estimate the lens with which a clip was filmed; raises UserError if a frame cannot be read.
 
-    None if everything is about equally sharp, if sharpness does not depend on depth, and for photos, each of
-    which has its own lens.
-
-    Args:
-        reconstruction: Solve of the clip.
-        read: Returns a frame's picture.
-
-    Raises:
-        UserError: A frame cannot be read.
+    Returns None if the clip is about equally sharp, if sharpness does not depend on depth, and for photos,
+    each of which has its own lens.
     """
     if not reconstruction.is_ordered:
         return None
@@ -142,17 +135,14 @@ def own_lens(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> O
     focus, square = _parabola(levels)
     if not square > 0:
         return None
-    # The focal length that variances in pixels are of.
+    # Variances in pixels belong to this focal length.
     image, _ = reconstruction.image_at(first)
     radius = SIGMAS * float(np.sqrt(square)) / (2 * reconstruction.intrinsics(image).fx)
     return OwnLens(radius, focus, (first, last))
 
 
 def _edges(reconstruction: Reconstruction, read: Callable[[int], Pixels], frame: int) -> Floats:
-    """(n, 3) frame number, inverse depth, and blur variance in pixels^2 of edges at feature points.
-
-    The steepest edge of each feature point counts.
-    """
+    """Return (n, 3) frame, inverse depth and blur variance in pixels^2 of features' steepest edges."""
     image, _ = reconstruction.image_at(frame)
     canvas = reconstruction.canvas(image)
     features = frame_features(reconstruction, frame, canvas)
@@ -175,15 +165,11 @@ def _edges(reconstruction: Reconstruction, read: Callable[[int], Pixels], frame:
 
 
 def edge_variances(light: Map) -> tuple[Map, Map]:
-    """Measure the blur of a picture's edges.
+    """Return the steepness (H, W) of edges in linear light (H, W), and their blur's variance in pixels^2.
 
-    Args:
-        light: (H, W) linear light.
-
-    Returns:
-        Steepness (H, W) of edges, 0 elsewhere, and the variance (H, W) of their blur in pixels^2.
+    Steepness is 0 elsewhere.
     """
-    # Noise is about alike in roots of light.
+    # Noise is about uniform in square roots of light.
     sharp = cv2.GaussianBlur(np.sqrt(np.maximum(light, 0)).astype(np.float32), (0, 0), SMOOTHING)
     x, y = _gradient(np.asarray(sharp))
     u, v = _gradient(np.asarray(cv2.GaussianBlur(sharp, (0, 0), AGAIN)))
@@ -198,16 +184,13 @@ def edge_variances(light: Map) -> tuple[Map, Map]:
 
 
 def _gradient(values: Map) -> tuple[Map, Map]:
-    """(H, W) changes a pixel to the right, and down."""
+    """Return (H, W) changes a pixel to the right and down."""
     x, y = (cv2.Sobel(values, cv2.CV_32F, *axis, ksize=3, scale=1 / 8) for axis in ((1, 0), (0, 1)))
     return np.asarray(x), np.asarray(y)
 
 
 def _levels(edges: Sequence[Floats], first: int, last: int) -> Floats:
-    """(n, 3) sharpest edges by part of the clip and level of depth.
-
-    Columns: share of the way through the clip, inverse depth, variance.
-    """
+    """Return (n, 3) share of the way through the clip, inverse depth and variance of sharp edges by level."""
     every, found = np.concatenate(edges), []
     part = np.minimum((every[:, 0] - first) * PARTS // max(last - first, 1), PARTS - 1)
     for number in range(PARTS):
@@ -221,13 +204,12 @@ def _levels(edges: Sequence[Floats], first: int, last: int) -> Floats:
 
 
 def _parabola(levels: Floats) -> tuple[tuple[float, float], float]:
-    """Inverse depths of the focal plane at both ends of the clip, and the growth of variance.
+    """Fit inverse depths of the focal plane at both ends of the clip, and the growth of variance.
 
-    The growth, in pixels^2 for each squared distance from the plane, is 0 if the variances of levels (n, 3)
-    do not grow.
+    The growth is in pixels^2 by squared distance from the plane, 0 if variances of levels (n, 3) do not grow.
     """
     way, inverse, variance = levels.T
-    # Errors of a blur's measure are shares of it.
+    # Relative errors of blur are constant.
     weight = 1 / (variance + SMOOTHING**2)
     places = np.linspace(inverse.min(), inverse.max(), PLACES)
     first, last = (axis.ravel() for axis in np.meshgrid(places, places, indexing="ij"))

@@ -18,20 +18,20 @@ INFINITE = 1e10
 
 
 def depth(warped: WarpedFrame) -> Map:
-    """Return the distance (H, W) along the camera's axis in scene units, `INFINITE` where it is unknown."""
+    """Return the distance (H, W) along the camera's axis in scene units, `INFINITE` if unknown."""
     return distances(in_source(inverse_depth(warped), warped.plan.canvas))
 
 
 def distances(inverse: Map) -> Map:
-    """(H, W) distances in scene units of inverse depths (H, W), `INFINITE` where they are 0, less or NaN."""
+    """Convert inverse depths (H, W) to scene units, `INFINITE` where they are NaN or not positive."""
     far = ~(inverse > 1 / INFINITE)
     return np.where(far, np.float32(INFINITE), 1 / np.where(far, 1, inverse)).astype(np.float32)
 
 
 def circle_of_confusion(warped: WarpedFrame) -> Map:
-    """Return the signed diameter (H, W) of the blur disc in pixels of the drawn frame.
+    """Return signed diameters (H, W) of blur discs in pixels, positive in front of the focal plane.
 
-    It is positive in front of the focal plane; unknown pixels have the disc of infinity.
+    Unknown pixels have the disc of infinity.
     """
     lens = warped.plan.lens
     signed = lens.blur_disc(lens.untilted_raster(np.nan_to_num(inverse_depth(warped)).astype(np.float32)))
@@ -39,13 +39,13 @@ def circle_of_confusion(warped: WarpedFrame) -> Map:
 
 
 def in_focus(warped: WarpedFrame) -> Map:
-    """(H, W) 1 where the blur disc is at most the acceptable circle of confusion, 0 from twice that on."""
+    """Return (H, W) 1 up to the acceptable circle of confusion, falling to 0 at twice its diameter."""
     size = np.abs(circle_of_confusion(warped)) / warped.plan.lens.acceptable_disc
     return np.asarray(np.clip(2 - size, 0, 1), np.float32)
 
 
 def in_source(values: Floats | Map, canvas: Canvas) -> Map:
-    """Values (h, w) of the canvas in the source frame's geometry (H, W), each that of the nearest pixel."""
+    """Resample values (h, w) of the canvas in the source frame's geometry (H, W), without interpolation."""
     if not canvas.camera.is_distorted:
         return values.astype(np.float32)
     values, at = values.astype(np.float32), canvas.source_map()

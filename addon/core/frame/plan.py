@@ -1,4 +1,4 @@
-"""The plan of one frame: its warp mesh and the views of the virtual cameras. Rendering only follows it."""
+"""The plan of a frame, which the renderer follows: its warp mesh and virtual cameras."""
 
 from __future__ import annotations
 
@@ -29,27 +29,23 @@ class FrameOptions:
         0, "Views", "Number of virtual cameras; 0 uses as many as the largest blur disc needs",
         least=0, most=MOST_VIEWS, soft_most=256, words={"auto": 0},
     )  # fmt: skip
-    """Number of virtual cameras; 0 takes as many as the largest blur disc of the frame needs."""
     method: str = option("layers", "Method", "How views are synthesized")
     """Name of the mesher, a key of `meshers.MESHERS`."""
     seed: int = option(
         0, "Seed", "Random seed for the positions of the thesis's method", least=0, most=2**31 - 1
     )
-    """Seed of the random positions of the thesis's method."""
     borrow: bool = option(
         True, "Borrow",
         "Fill in what the frame does not show, behind silhouettes and past the border, from other frames;"
         " when off, it is invented from the surroundings",
     )  # fmt: skip
-    """True if pixels hidden in a frame come from frames that show them."""
     target_psnr: float = option(
         0.0, "Target Quality (PSNR)",
         "Render as many views as a frame needs to come this close, in dB of PSNR, to infinitely many views."
         " 0 goes by the number of views",
         least=0.0, most=80.0, soft_most=60.0, precision=1, metavar="DB",
     )  # fmt: skip
-    """PSNR in dB that a frame is to have against one of infinitely many views, which takes the place of the
-    number of views; 0 leaves that as it is."""
+    """PSNR in dB relative to infinitely many views, which replaces the number of views; 0 for none."""
     stabilize: float = option(
         0.0, "Stabilize",
         "How far the camera's path is smoothed, as far as the clip shows enough: 0 keeps it as it is,"
@@ -69,11 +65,9 @@ class FrameOptions:
         " noisy as the clip, 0 leaves them smooth. Clips without visible noise are not changed",
         least=0.0, most=4.0, soft_most=1.0, words={"off": 0.0}, precision=2,
     )  # fmt: skip
-    """Share of the noise removed by the blur that is added again."""
     aperture: Aperture = field(default_factory=Aperture)
-    """The aperture's shape."""
     highlights: HighlightSettings = RESTORED
-    """How bright what is clipped becomes."""
+    """Restoration of clipped light."""
     quality: Quality = option(  # noqa: RUF009
         NORMAL, "Quality", "Render time against quality", choices=QUALITIES, can_be_keyed=False
     )
@@ -82,30 +76,29 @@ class FrameOptions:
 
 @dataclass(frozen=True)
 class FramePlan:
-    """Everything that the renderer needs besides the texture of the mesh."""
+    """The renderer's data of a frame, besides the texture."""
 
     frame: int
     canvas: Canvas
     lens: ThinLens
     mesh: WarpMesh
-    """Mesh whose inverse depths are `lens.untilted`."""
+    """Mesh with inverse depths that are `lens.untilted`."""
     offsets: Floats
-    """(N, 2) virtual camera positions in scene units along the actual camera's x (right) and y (down), as
-    `ThinLens.sheared_positions`."""
+    """(N, 2) positions in scene units, x right and y down, as `ThinLens.sheared_positions`."""
     registration: Floats
     """(N, 2, 3) maps from pixels of a synthesized view to pixels in register with the focal plane."""
     blur: float
-    """Diameter of the frame's largest blur disc in pixels: 99 % of its pixels (or samples) are smaller."""
+    """99th percentile in pixels of the blur discs of the frame's pixels or samples."""
     pose_interpolated: bool
     """True if the frame was not registered; its camera comes from its neighbours."""
     weights: Floats | None = None
-    """(N,) share of the aperture's light that each view has; None where all have the same."""
+    """(N,) shares of the aperture's light; None for equal ones."""
     spread: float = 1.0
-    """Radius of a disc as large as the open part of the aperture, in shares of the aperture's."""
+    """Radius of a disc as large as the open part of the aperture, in aperture radii."""
     vignetting: float = 0.0
-    """As of `Aperture`."""
+    """See `Aperture`."""
     axial_colour: float = 0.0
-    """As of `Aperture`."""
+    """See `Aperture`."""
 
     @property
     def axial_shift(self) -> float:
@@ -113,7 +106,7 @@ class FramePlan:
         return self.axial_colour * (self.lens.focus - self.lens.lift)
 
     def displace(self, xy: Floats, inverse_depth: Floats) -> Floats:
-        """(N, V, 2) where the views see vertices (V, 2) of inverse depth (V,), after registration."""
+        """Project vertices (V, 2) of inverse depths (V,) into the views (N, V, 2), after registration."""
         moved = xy - (self.canvas.pinhole.focal * self.offsets)[:, None, :] * inverse_depth[:, None]
         turned = np.einsum("nij,nvj->nvi", self.registration[:, :, :2], moved)
         return np.asarray(turned + self.registration[:, None, :, 2])

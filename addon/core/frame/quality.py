@@ -14,31 +14,31 @@ from ..warp.layered_mesh import LayeredMeshOptions
 
 @dataclass(frozen=True)
 class Quality:
-    """Options that are chosen together; `QUALITIES` lists all of them."""
+    """A preset of options; `QUALITIES` lists all."""
 
     name: str
-    """On the command line and, in capitals, in .blend files."""
+    """Name on the command line and, in capitals, in .blend files."""
     number: int
-    """In .blend files, where Blender keeps the number of an enumeration's item: never used twice."""
+    """Number of the enumeration's item in .blend files: never used twice."""
     help: str
-    """In the interface and on the command line, one sentence without a full stop."""
+    """Text in the interface and on the command line, one sentence without a full stop."""
     views: float = 1.0
-    """Times the automatic number of views."""
+    """Factor to the automatic number of views."""
     shrink: int = 1
-    """Times that the picture is smaller, in each direction, that depth of every pixel is drawn on."""
+    """Divisor of each side of the picture, if it is drawn with dense depth."""
     stereo: StereoOptions = field(default_factory=StereoOptions)
-    """How the depth of a key frame is found."""
+    """Stereo of key frames."""
     fusion: FusionOptions = field(default_factory=FusionOptions)
-    """How depth is steadied and which frames are key frames."""
+    """Fusion of depth over time, and choice of key frames."""
     mesh: LayeredMeshOptions = field(default_factory=LayeredMeshOptions)
-    """How layers are triangulated and painted."""
+    """Triangulation and texture of layers."""
     better: Quality | None = None
-    """Whose depth is taken instead where it is kept already."""
+    """The quality whose stored depth is preferred."""
     finds_subjects: bool = True
-    """Whether what moves by itself is looked for, and depth is kept."""
+    """True if moving objects are searched and depth is stored."""
 
     def drawn_size(self, size: tuple[int, int]) -> tuple[int, int]:
-        """Size (width, height) that a frame of a size is drawn at."""
+        """Return the (width, height) at which a frame of a size is drawn."""
         return -(-size[0] // self.shrink), -(-size[1] // self.shrink)
 
 
@@ -55,12 +55,12 @@ FIRST_LOOK = replace(
     DRAFT, name="first look", help="From neighbouring frames alone, shown while depth is found",
     stereo=COARSE, fusion=FusionOptions(step=1, sides=0), finds_subjects=False,
 )  # fmt: skip
-"""No choice of the user's: what is seen before a frame's depth is known."""
+"""Internal: shown before a frame's depth is known."""
 FINAL = Quality(
     "final", 2, "Twice the views, and depth found from scratch in every frame",
     views=2.0, fusion=FusionOptions(most_unseen=-1.0),
 )  # fmt: skip
-"""From the video alone at 32 pixels fence, with a moving object that neighbours see badly, has 33.64 instead
-of 33.00 dB, 31.82 instead of 31.11 at edges (a scratch script); bars and walk have as much as before. Twice
-normal's time to find depth."""
+"""From the video alone at 32 pixels fence, with a moving object that neighbours hardly see, has 33.64 instead
+of 33.00 dB, 31.82 instead of 31.11 at edges (a scratch script); bars and walk are unchanged. Twice normal's
+time to find depth."""
 QUALITIES = {quality.name: quality for quality in (DRAFT, NORMAL, FINAL)}

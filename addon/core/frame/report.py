@@ -15,21 +15,21 @@ from .inspection import SOURCES, blur_discs, largest_shown
 from .warped_frame import WarpedFrame
 
 CHOSEN, SURE_ENOUGH, GIVEN = "as chosen", "its depth is sure enough", "its depth is known"
-"""Why a frame got the method that was asked for: layers need depth."""
+"""Reasons why a frame was drawn by the selected method: layers need depth."""
 
 
 @dataclass(frozen=True)
 class FrameReport:
-    """Figures of one frame; shares are per cent."""
+    """Figures of a frame; shares are per cent."""
 
     frame: int
     method: str
     why: str
-    """Why it was drawn with `method`."""
+    """The reason for `method`."""
     carried: bool
-    """The frame was not registered."""
+    """True if the frame was not registered."""
     sure: float | None
-    """Share of the pixels whose depth is sure; None where the method has none, or it is the user's."""
+    """Share of the pixels with certain depth; None if the method has none, or it is the user's."""
     views: int
     triangles: int
     of_pixel_grid: float
@@ -37,22 +37,22 @@ class FrameReport:
     own: float
     borrowed: float
     inpainted: float
-    """Shares of the light of all pixels: the frame's own, other frames', made up or mirrored."""
+    """Shares of the light of all pixels: the frame's own, other frames', inpainted or mirrored."""
     blur_median: float
     blur_largest: float
     """Diameters of the blur discs in pixels."""
     blur_shown: float
-    """Diameter in pixels that the last colour in the picture of blur stands for."""
+    """Diameter in pixels of the last colour in the picture of blur."""
     depth_seconds: float
     mesh_seconds: float
     draw_seconds: float
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Convert for JSON."""
         return asdict(self)
 
     def words(self) -> list[str]:
-        """Lines for people."""
+        """Return lines for the user."""
         lines = [f"frame {self.frame}: drawn by {self.method} with {counted(self.views, 'view')}: {self.why}"]
         if self.carried:
             lines.append("camera: interpolated from its neighbours, the frame was not solved")
@@ -71,7 +71,7 @@ class FrameReport:
 
 @dataclass(frozen=True)
 class Used:
-    """Which method drew a frame, and why."""
+    """The method that drew a frame, and its reason."""
 
     frame: int
     method: str
@@ -79,7 +79,7 @@ class Used:
 
     @classmethod
     def of(cls, warped: WarpedFrame) -> Used:
-        """Which method a frame was drawn with, and why."""
+        """Describe the method of a frame."""
         why = CHOSEN
         if warped.layers:
             why = GIVEN if _confidence(warped) is None else SURE_ENOUGH
@@ -87,12 +87,9 @@ class Used:
 
 
 def frame_report(warped: WarpedFrame, shares: LinearRGBA, draw_seconds: float) -> FrameReport:
-    """Return the report on a frame.
+    """Report on a frame, whose views took `draw_seconds`.
 
-    Args:
-        warped: The frame.
-        shares: (H, W, 3) sources of its pixels, as of `inspection.shares_of`.
-        draw_seconds: Time of its views.
+    `shares` (H, W, 3) are the sources of its pixels, from `inspection.shares_of`.
     """
     plan, used = warped.plan, Used.of(warped)
     confidence = _confidence(warped)
@@ -111,19 +108,19 @@ def frame_report(warped: WarpedFrame, shares: LinearRGBA, draw_seconds: float) -
 
 
 def _confidence(warped: WarpedFrame) -> Map | None:
-    """(H, W) confidence in the depth of each pixel; None where depth was given or not asked for."""
+    """Return the (H, W) confidence of depth; None for given or no depth."""
     return None if warped.depth is None else warped.depth.confidence
 
 
 def summary(used: Iterable[Used], reports: Iterable[FrameReport] = ()) -> str:
-    """One line: which methods drew how many frames and why, and where their pixels came from."""
+    """Summarise the methods, their numbers of frames and reasons, and the sources of pixels in one line."""
     groups: dict[tuple[str, str], list[int]] = {}
     for one in used:
         groups.setdefault((one.method, one.why), []).append(one.frame)
     parts: list[str] = []
     for (method, why), frames in sorted(groups.items(), key=lambda item: -len(item[1])):
         count = counted(len(frames), "frame")
-        # Which ones, of those that are not as most are.
+        # Frames are listed for all methods except the most frequent.
         which = f" ({ranges(sorted(frames))})" if parts else ""
         parts.append(f"{count}{which} drawn by {method}: {why}")
     if known := list(reports):

@@ -1,8 +1,8 @@
-"""A frame's mesh as a steadier camera sees it, and the thin lens there.
+"""A frame's mesh in a steadier camera, and the thin lens there.
 
-The mesh is moved, not the picture: every view still takes the frame's own texture, once. A triangle is warped
-affinely between its vertices; for one 64 pixels wide, a turn of two degrees at 60 degrees of view leaves an
-error of a fortieth of a pixel.
+The mesh is moved, not the picture: every view still samples the frame's own texture once. A triangle is
+warped affinely between its vertices; for one 64 pixels wide, a rotation of two degrees at 60 degrees of view
+leaves an error of a fortieth of a pixel.
 """
 
 from __future__ import annotations
@@ -22,27 +22,25 @@ from .meshers.mesher import FrameGeometry
 
 @dataclass(frozen=True)
 class Steadied:
-    """How a frame's own camera and a steadier one see the same surfaces."""
+    """A steadier camera and the frame's own, which see the same surfaces."""
 
     canvas: Canvas
     """Canvas of the steadier camera."""
     lens: ThinLens
-    """Its lens, focused on the plane in space that the frame's is."""
+    """Its lens, focused on the same plane in space as the frame's."""
     own_canvas: Canvas
     own_lens: ThinLens
-    """The frame's lens, wide enough to reach from its middle to all of the steadier aperture; the mesh is
-    made for it."""
+    """The frame's lens for the mesh, whose aperture includes all of the steadier one."""
     rotation: Floats
-    """(3, 3) from the frame's camera space into the steadier camera's."""
+    """(3, 3) from the frame's camera space to the steadier camera's."""
     translation: Floats
-    """(3,) as `rotation`, in scene units."""
+    """(3,) of the same map, in scene units."""
     strength: float
-    """Strength by which the path was smoothed: less than the wished one where the clip does not show
-    enough."""
+    """Strength of the path's smoothing, reduced if the clip does not show enough."""
 
     @property
     def aperture_share(self) -> float:
-        """Share of the radius of `own_lens` that the aperture has."""
+        """Ratio of the aperture's radius to the radius of `own_lens`."""
         return self.lens.radius / self.own_lens.radius
 
     @property
@@ -51,27 +49,22 @@ class Steadied:
         return np.asarray((-self.rotation.T @ self.translation)[:2] / self.own_lens.radius)
 
     def moved(self, xy: Floats, inverse_depth: Floats) -> tuple[Floats, Floats]:
-        """Return canvas pixels of the steadier camera and their inverse depths.
+        """Map canvas pixels (n, 2) and inverse depths (n,) of the frame to those of the steadier camera.
 
         Inverse depths are `untilted` by their lens.
-
-        Args:
-            xy: (n, 2) canvas pixels of the frame.
-            inverse_depth: (n,) there.
         """
         there = self.own_lens.tilted(inverse_depth, xy)
         pinhole, own = self.canvas.pinhole, self.own_canvas.pinhole
         rays = np.column_stack([(xy - own.principal_point) / own.focal, np.ones(len(xy))])
-        # With inverse depth d a point is (ray, d), homogeneous: infinity is no exception.
+        # With inverse depth d a point is (ray, d) in homogeneous coordinates, also at infinity.
         seen = rays @ self.rotation.T + np.multiply.outer(there, self.translation)
         places = seen[:, :2] / seen[:, 2:] * pinhole.focal + pinhole.principal_point
         return places, np.asarray(self.lens.untilted(there / seen[:, 2], places))
 
     def beyond(self, inverse_depths: Floats) -> float:
-        """Return the pixels past the border of the frame's canvas that the steadier camera sees.
+        """Return the pixels past the frame's border that the steadier camera sees.
 
-        Args:
-            inverse_depths: (k,) of the scene, in 1 / scene units.
+        `inverse_depths` (k,) are those of the scene, in 1 / scene units.
         """
         pinhole, own = self.canvas.pinhole, self.own_canvas.pinhole
         size, there = np.array([pinhole.width, pinhole.height]), np.array([own.width, own.height])
@@ -84,18 +77,18 @@ class Steadied:
         return float(max(np.max(-places), np.max(places - there), 0.0))
 
     def mesh(self, mesh: WarpMesh) -> WarpMesh:
-        """A mesh of the frame as the steadier camera sees it."""
+        """Move a mesh of the frame to the steadier camera."""
         xy, inverse_depth = self.moved(mesh.xy, mesh.inverse_depth)
         return replace(mesh, xy=xy, inverse_depth=inverse_depth)
 
 
 def steadied(geometry: FrameGeometry, path: SteadyPath) -> Steadied:
-    """A frame on a steadier path. UserError where the focal plane does not lie ahead of the camera there."""
+    """Steady a frame; raises UserError if the focal plane is not in front of the steadier camera."""
     own, lens = geometry.canvas, geometry.lens
     image, _ = geometry.clip.reconstruction.image_at(geometry.frame)
     rotation, translation = path.seen_from(image)
     canvas = Canvas(zoomed(own.camera, path.zoom))
-    # The focal plane is a . X = 1: inverse depth is a . ray, and so it is a' . ray' in the other space.
+    # The focal plane is a . X = 1: inverse depth is a . ray, and a' . ray' in the other space.
     a = np.append(np.asarray(lens.slope) * own.pinhole.focal, lens.focus - lens.lift)
     there = rotation @ a
     ahead = 1 + float(there @ translation)

@@ -1,4 +1,4 @@
-"""A sharp frame in two layers for other programs: the visible surfaces, and those hidden behind them."""
+"""A sharp frame in two layers for other programs: visible and hidden surfaces."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class TwoLayers:
     front: LinearRGBA
     front_depth: Map
     hidden: LinearRGBA
-    """Surfaces behind silhouettes, transparent everywhere else."""
+    """Surfaces behind silhouettes, transparent elsewhere."""
     hidden_depth: Map
 
     def channels(self) -> dict[str, Map]:
-        """By their names in a multi-layer EXR, as Blender has them: layer, pass, channel."""
+        """Return channels by their names in Blender's multi-layer EXR: layer, pass, channel."""
         layers = {"Front": (self.front, self.front_depth), "Hidden": (self.hidden, self.hidden_depth)}
         return {
             f"{layer}.{name}": values
@@ -45,13 +45,13 @@ class TwoLayers:
 
 
 def two_layers(clip: ClipContext, frame: int, options: FrameOptions, size: tuple[int, int]) -> TwoLayers:
-    """The layers of a frame at the clip's own size (width, height).
+    """Make the layers of a frame at the clip's size (width, height); passes checkpoints.
 
-    The hidden layer reaches as far behind silhouettes as the lens of the options sees. Raises UserError as
-    `mesh_frame`, and where the frame cannot be layered. Passes checkpoints.
+    The hidden layer extends behind silhouettes as far as the lens of the options sees. Raises UserError as
+    `mesh_frame` does, and if the frame cannot be layered.
     """
     picture = clip.picture(frame, options.highlights)
-    # Restored light stays in the picture: nothing here draws discs, nor from a steadier path.
+    # Restored light stays in the picture: no discs are drawn here, and no steadier path.
     plain = replace(options, method="layers", highlights=replace(options.highlights, gain=0.0), stabilize=0.0)
     meshed = mesh_frame(clip, frame, plain, size, picture)
     if meshed.why:
@@ -60,7 +60,7 @@ def two_layers(clip: ClipContext, frame: int, options: FrameOptions, size: tuple
 
 
 def layers_of(meshed: MeshedFrame) -> TwoLayers:
-    """The layers of a frame that was meshed by layers: of surfaces before each other the two nearest."""
+    """Reduce the layers of a meshed frame to the two nearest."""
     geometry, splits = meshed.geometry, meshed.surface.layers
     canvas = geometry.canvas
     shape = canvas.pinhole.height, canvas.pinhole.width
@@ -84,12 +84,12 @@ def layers_of(meshed: MeshedFrame) -> TwoLayers:
 
 
 def _two_surfaces(split: LayeredDepthImage) -> Mask:
-    """(H, W) pixels at which a split has a surface behind another one."""
+    """Return the (H, W) pixels in which a split has one surface behind another."""
     return split.occluded | split.mixed
 
 
 def _inverse_depth(lens: ThinLens, disparity: Map) -> Map:
-    """(H, W) inverse depth of disparities (H, W) relative to the focal plane."""
+    """Convert disparities (H, W) relative to the focal plane to inverse depth."""
     rows, columns = disparity.shape
     places = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
     inverse = lens.focus + disparity / np.float64(lens.disparity_scale)

@@ -1,8 +1,7 @@
-"""How many views a target error takes, estimated from a few of them.
+"""Number of views for a target error, estimated from a few views.
 
-The error of a frame is its PSNR in dB against the same frame through infinitely many views, of sRGB values
-from 0 to 1. Two sets of views differ by about what each of them misses, and how fast that falls with their
-number has been measured.
+The error of a frame is its PSNR in dB relative to infinitely many views, in sRGB values from 0 to 1. Two sets
+of views differ by about the error of each, and its fall with their number has been measured.
 """
 
 from __future__ import annotations
@@ -19,19 +18,18 @@ from .warped_frame import MeshedFrame, WarpedFrame
 PILOT = 4
 """Views in each of the pilot's two sets: another ring would cost more than it saves. Chosen by inspection."""
 MEAN_GAIN = 1.0
-"""dB that the mean of both sets is better than they differ, at least: 0.97 to 4.8, found as `FIRST_GAIN`."""
+"""Least gain in dB of the mean of both sets over their difference: 0.97 to 4.8, measured as `FIRST_GAIN`."""
 FIRST, FIRST_GAIN, DOUBLING = 8, 5.6, 3.9
-"""A prefiltered frame of `FIRST` views is better than the two sets differ by 5.3 to 7.9 dB, and by `DOUBLING`
-more for every doubling: 9.5 to 11.8 with 16 views, 13.1 to 15.3 with 32. So a wish is met within a decibel.
-From bars, fence and walk with true depth at 16, 32 and 64 pixels, a scratch script;
-`python -m benchmarks.timings.view_error` with wishes shows that it holds."""
+"""Gain in dB of a prefiltered frame of `FIRST` views over the difference of the two sets, 5.3 to 7.9, and
+gain of every doubling: 9.5 to 11.8 with 16 views, 13.1 to 15.3 with 32. So a target is met within a decibel.
+From bars, fence and walk with true depth at 16, 32 and 64 pixels, a scratch script; confirmed by `python -m
+benchmarks.timings.view_error` with targets."""
 PLAIN_GAIN, PLAIN_DOUBLING = 1.0, 3.0
-"""Gain and gain a doubling in dB of plain views, as of prefiltered ones above, from the pilot's number on: as
-independent random positions, the slowest."""
+"""The same for plain views, from the pilot's number on: as independent random positions, the slowest."""
 
 
 def other_views(meshed: MeshedFrame, warped: WarpedFrame) -> WarpedFrame:
-    """A meshed frame, made ready for its views, through as many others, with the same texture."""
+    """Prepare a meshed frame for as many other views, with the same texture."""
     plan, geometry = warped.plan, meshed.geometry
     views = meshed.mesher.views(geometry, len(plan.offsets), 1)
     return replace(
@@ -41,16 +39,14 @@ def other_views(meshed: MeshedFrame, warped: WarpedFrame) -> WarpedFrame:
 
 
 def difference(one: LinearRGBA, other: LinearRGBA) -> float:
-    """PSNR in dB of a picture (h, w, 4) against another, as displayed; infinite if they are equal."""
+    """Return the PSNR in dB of two displayed pictures (h, w, 4); infinite if they are equal."""
     first, second = (encode_srgb(np.clip(picture[..., :3], 0, 1)) for picture in (one, other))
     squared = float(np.mean((first - second) ** 2))
     return float("inf") if squared == 0 else float(-10 * np.log10(squared))
 
 
 def views_for_error(between: float, wished: float, prefiltered: bool) -> int:
-    """Return the number of views for an error in dB, from the difference of two pilot sets.
-
-    It is 0 where the mean of the pilot suffices.
+    """Return the number of views for an error, or 0 if the mean of the two pilot sets suffices.
 
     Args:
         between: Difference of the two sets in dB.

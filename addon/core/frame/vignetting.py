@@ -1,8 +1,8 @@
-"""Weights of views over the aperture and the picture: optical vignetting.
+"""Optical vignetting by weights of views over the aperture and the picture.
 
-A long barrel cuts the aperture for places away from the picture's middle. Light passes through the overlap of
-two discs, and blur discs towards the corners are cat's eyes (Ray, "Applied photographic optics", 2002, on
-mechanical vignetting). Things in focus keep their brightness: the remaining light is normalised.
+A long barrel cuts the aperture away from the picture's centre. Light passes through the overlap of two discs,
+and blur discs towards the corners are cat's eyes (Ray, "Applied photographic optics", 2002, on mechanical
+vignetting). Brightness in focus is kept: the remaining light is normalised.
 """
 
 from __future__ import annotations
@@ -15,14 +15,13 @@ from ..optics.bokeh import barrel_share
 from .plan import FramePlan
 
 STEP = 16
-"""Pixels between two places at which the light that is left is computed: linear in between, it is right to a
-thousandth (test)."""
+"""Pixels between samples of the remaining light: linear interpolation is accurate to a thousandth (test)."""
 LEAST_LEFT = 0.05
-"""Share of the light that must be left at a pixel for its colour to be made whole."""
+"""Least remaining share of a pixel's light that is normalised."""
 
 
 def view_shares(plan: FramePlan) -> Floats:
-    """(N,) light of each view in the picture's middle, their mean 1."""
+    """Return (N,) light of the views at the picture's centre, with mean 1."""
     count = len(plan.offsets)
     return np.ones(count) if plan.weights is None else count * plan.weights
 
@@ -30,8 +29,8 @@ def view_shares(plan: FramePlan) -> Floats:
 def barrel_rows(plan: FramePlan) -> Floats:
     """Return the coefficients (N, 5) a, b, c, d, e of each view's transmission.
 
-    It is clip(e (1 + d - |(a + c x, b + c y)|), 0, 1) at a place (x, y), in pixels from the picture's middle.
-    A view stands for a part of the aperture: its light ends over the width of the part.
+    It is clip(e (1 + d - |(a + c x, b + c y)|), 0, 1) at (x, y), in pixels from the picture's centre. A view
+    stands for a part of the aperture: its light ends over the width of the part.
     """
     across = plan.spread / np.sqrt(len(plan.offsets))
     rows = np.empty((len(plan.offsets), 5))
@@ -42,20 +41,17 @@ def barrel_rows(plan: FramePlan) -> Floats:
 
 
 def barrel_shift(plan: FramePlan) -> float:
-    """Return the shift of the barrel's opening for each pixel from the picture's middle.
-
-    It is in aperture radii.
-    """
+    """Return the shift of the barrel's opening a pixel from the picture's centre, in aperture radii."""
     pinhole = plan.canvas.pinhole
     return float(plan.vignetting / (np.hypot(pinhole.width, pinhole.height) / 2))
 
 
 def light_left(plan: FramePlan) -> Map:
-    """(h, w) share of the aperture's light that is left at each pixel of the canvas."""
+    """Return the remaining share (h, w) of the aperture's light in the canvas."""
     pinhole = plan.canvas.pinhole
     size = pinhole.width // STEP + 2, pinhole.height // STEP + 2
     middle = pinhole.principal_point
-    # Middles of the coarse raster's cells, as `cv2.resize` has them.
+    # Centres of the coarse raster's cells, as in `cv2.resize`.
     x, y = (
         (np.arange(n) + 0.5) * (whole / n) - centre
         for n, whole, centre in zip(size, (pinhole.width, pinhole.height), middle, strict=True)

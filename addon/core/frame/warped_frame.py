@@ -1,4 +1,4 @@
-"""One frame made ready for its views, in the order of the data: depth, blur, number of views, mesh, views."""
+"""Preparation of a frame for its views: depth, blur, number of views, mesh, views."""
 
 from __future__ import annotations
 
@@ -27,45 +27,45 @@ from .plan import FrameOptions, FramePlan
 from .steadied import Steadied, steadied
 
 FEWEST_SURE = 0.05
-"""Share of the picture whose depth must be known for layers: chosen by inspection."""
+"""Least share of the picture with known depth for layers. Chosen by inspection."""
 TOO_LARGE = "its blur discs are too large for layers"
 TOO_UNSURE = f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be found in the clip"
 DEEP = 0.6
-"""Share of a frame's time without its views that is over after depth, where that is to be found: half or more
-by `python -m benchmarks.timings.frame_costs`."""
+"""Share of a frame's time without its views for depth, if it must be computed: half or more by `python -m
+benchmarks.timings.frame_costs`."""
 
 
 @dataclass(frozen=True)
 class WarpedFrame:
-    """Everything that a renderer needs of a frame, and how it came to be."""
+    """The renderer's data of a frame, and how they were made."""
 
     plan: FramePlan
     texture: LinearRGBA
-    """(h, w, 4) what is painted on the plan's mesh, linear and premultiplied."""
+    """(h, w, 4) texture of the plan's mesh, linear and premultiplied."""
     method: str
     """Name of the mesher that made the mesh."""
     why: str
-    """Why it is not the one that was asked for; empty where it is."""
+    """The reason for another mesher than the selected one; empty otherwise."""
     is_whole: bool
     """True if the mesh has no holes for any view."""
     depth: PixelDepth | None = None
-    """Depth of every pixel of the canvas, where it was found."""
+    """Depth of every pixel of the canvas, if computed."""
     layers: tuple[LayeredDepthImage, ...] = ()
-    """That the mesh was made of, near ones first."""
+    """Layers of the mesh, near to far."""
     depth_seconds: float = 0.0
-    """Wall time that finding the depth took."""
+    """Wall time of the depth."""
     mesh_seconds: float = 0.0
-    """Wall time that the mesh and its texture took."""
+    """Wall time of the mesh and its texture."""
     highlight_discs: HighlightDiscs | None = None
-    """That are not in the texture; their light is to be added to the mean of the views."""
+    """Highlights that are not in the texture; their light is added to the mean of the views."""
     steadied: Steadied | None = None
-    """How a steadier camera sees it, where the plan is of one."""
+    """The steadier camera of the plan, if any."""
     cg: tuple[CGSurface, ...] = ()
     """CG objects, which are not in the plan's mesh."""
 
 
 def check_settings(settings: FrameOptions) -> None:
-    """UserError for an aperture, a number of views or a method that means nothing."""
+    """Raise UserError for an invalid aperture, number of views or method."""
     if not (np.isfinite(settings.radius) and settings.radius > 0):
         raise UserError(f"the aperture radius is {settings.radius:g}; it must be greater than zero")
     check_options(settings)
@@ -73,7 +73,7 @@ def check_settings(settings: FrameOptions) -> None:
 
 @dataclass(frozen=True)
 class MeshedFrame:
-    """A frame's mesh and texture before it is known how many views draw it."""
+    """A frame's mesh and texture before the number of views is known."""
 
     geometry: FrameGeometry
     mesher: Mesher
@@ -85,12 +85,12 @@ class MeshedFrame:
     mesh_seconds: float = 0.0
     highlight_discs: HighlightDiscs | None = None
     steadied: Steadied | None = None
-    """How a steadier camera sees the mesh, where it is to."""
+    """The steadier camera, if any."""
     cg: CGObjects = NO_CG
 
     @property
     def softer(self) -> float:
-        """Share of its pixels that the clip's own lens has blurred more than is wished."""
+        """Share of its pixels that the clip's own lens has blurred more than the user's."""
         own, depth = self.geometry.own_lens, self.geometry.depth
         if own is None or depth is None:
             return 0.0
@@ -98,7 +98,7 @@ class MeshedFrame:
 
     @property
     def views(self) -> int:
-        """As many as were asked for, or as its largest blur disc needs in the quality that was."""
+        """The selected number of views, or that for its largest blur disc in its quality."""
         return _count(self.geometry.settings, self.blur, self.mesher.is_prefiltered)
 
     def through(
@@ -116,7 +116,7 @@ class MeshedFrame:
         began = time.perf_counter()
         geometry, mesh, texture, share = self.geometry, self.surface.mesh, self.surface.texture, 1.0
         if self.steadied:
-            # Layers are displaced as by the lens that they were made for.
+            # Layers are displaced by the lens for which they were made.
             mesh, share = self.steadied.mesh(mesh), self.steadied.aperture_share
             geometry = replace(geometry, canvas=self.steadied.canvas, lens=self.steadied.lens)
         views = self.mesher.views(geometry, count, variant)
@@ -138,7 +138,7 @@ class MeshedFrame:
         )  # fmt: skip
 
     def _cg_surfaces(self, count: int, spread: float) -> tuple[CGSurface, ...]:
-        """CG objects prepared for a number of views, whose open aperture is `spread` of its radius."""
+        """Prepare CG objects for a number of views, whose open aperture is `spread` of its radius."""
         lens, moved = self.geometry.lens, self.steadied
         if moved is not None:
             lens = replace(lens, radius=moved.lens.radius)
@@ -151,9 +151,9 @@ class MeshedFrame:
 def warp_frame(
     clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int], source: LinearRGBA
 ) -> WarpedFrame:
-    """Warp mesh and views of a frame rendered at size (width, height), of its picture (height, width, 4).
+    """Make mesh and views of a frame of size (width, height) from its picture (height, width, 4).
 
-    Raises UserError where `mesh_frame` does. Passes checkpoints.
+    Raises UserError as `mesh_frame` does. Passes checkpoints.
     """
     meshed = mesh_frame(clip, frame, settings, size, source)
     return meshed.through(meshed.views, reuse=True)
@@ -167,20 +167,9 @@ def mesh_frame(
     source: LinearRGBA,
     draw_cg: DrawCG | None = None,
 ) -> MeshedFrame:
-    """Make the warp mesh of a frame.
+    """Make the warp mesh of a frame of size (width, height) from its picture (height, width, 4).
 
-    Checkpoints are passed.
-
-    Args:
-        clip: The clip.
-        frame: Number of the frame.
-        settings: The user's settings.
-        size: (width, height) of the drawn picture.
-        source: (height, width, 4) picture of the frame.
-        draw_cg: Draws the CG objects.
-
-    Raises:
-        UserError: The settings do not fit the frame, or the clip cannot be read.
+    Passes checkpoints. Raises UserError if the settings do not fit the frame, or the clip cannot be read.
     """
     began = time.perf_counter()
     geometry, mesher, why = _geometry(clip, frame, settings, size, source), MESHERS[settings.method], ""
@@ -209,7 +198,7 @@ def mesh_frame(
     if moved:
         geometry = replace(geometry, lens=moved.own_lens, beyond=_beyond(geometry, moved))
     elif mesher.needs_pixel_depth and not cg.layers and not geometry.lens.is_tilted:
-        # Blur of the clip's own lens is reprojected to the wished lens; there is none with a steadier path.
+        # Blur of the clip's own lens is completed to that of the user's; not on a steadier path.
         geometry = replace(geometry, own_lens=clip.own_lens)
     geometry, highlights = _without_small_highlights(geometry, mesher, moved)
     with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
@@ -219,7 +208,7 @@ def mesh_frame(
 
 
 def _steadied(geometry: FrameGeometry) -> Steadied | None:
-    """How a frame is seen from a steadier path, where that was asked for."""
+    """Return the frame's view from a steadier path, if selected."""
     if not geometry.settings.stabilize:
         return None
     settings = geometry.settings
@@ -227,7 +216,7 @@ def _steadied(geometry: FrameGeometry) -> Steadied | None:
 
 
 def _beyond(geometry: FrameGeometry, steadier: Steadied) -> float:
-    """Pixels past a frame's border that a steadier camera sees, at the depths that the frame has."""
+    """Return the pixels past a frame's border that a steadier camera sees at the frame's depths."""
     samples, depth = geometry.samples, geometry.depth
     if depth is None:
         inverse = geometry.lens.tilted(samples.inverse_depth, samples.observed)
@@ -239,10 +228,7 @@ def _beyond(geometry: FrameGeometry, steadier: Steadied) -> float:
 def _without_small_highlights(
     geometry: FrameGeometry, mesher: Mesher, steadier: Steadied | None
 ) -> tuple[FrameGeometry, HighlightDiscs | None]:
-    """A frame without its highlights that are drawn as discs, and these highlights.
-
-    The frame is unchanged if highlights are off, or if the mesher has no layers for their occlusion.
-    """
+    """Separate the highlights that are drawn as discs from a frame, if they are on and it has layers."""
     settings, depth, lens = geometry.settings, geometry.depth_to_blur, geometry.lens
     if (
         not settings.highlights.gain
@@ -262,7 +248,7 @@ def _without_small_highlights(
 
 
 def _tracked_depth(geometry: FrameGeometry) -> TrackedDepth | None:
-    """The frame's feature points; None if depth is given, or if the clip's own lens leaves less to blur."""
+    """Return the frame's feature points; None if depth is given or the clip's own lens is completed."""
     if geometry.clip.given_depth is not None or geometry.own_lens is not None:
         return None
     samples, lens = geometry.samples, geometry.lens
@@ -271,13 +257,9 @@ def _tracked_depth(geometry: FrameGeometry) -> TrackedDepth | None:
 
 
 def drawn_size(settings: FrameOptions, size: tuple[int, int]) -> tuple[int, int]:
-    """Return the size (width, height) at which a frame is drawn.
+    """Return the (width, height) at which a frame of a size is drawn.
 
     A quality may draw it smaller, with sharp pixels from the frame itself.
-
-    Args:
-        settings: The user's settings.
-        size: (width, height) of the result.
     """
     can_be_small = MESHERS[settings.method].needs_pixel_depth and not settings.stabilize
     return settings.quality.drawn_size(size) if can_be_small else size
@@ -288,13 +270,13 @@ class Forecast:
     """A forecast of a frame from samples of its depth, without its picture."""
 
     views: int
-    """About how many virtual cameras it will have; as many as were asked for, if a number was."""
+    """The selected number of views, or about the automatic one."""
     is_too_large: bool
     """True if the frame is drawn by layers and its blur discs are too large for them."""
 
 
 def forecast(clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int]) -> Forecast:
-    """Forecast the result of `warp_frame`, which raises the same errors."""
+    """Forecast the result of `warp_frame`; raises the same errors."""
     geometry, mesher = _geometry(clip, frame, settings, drawn_size(settings, size)), MESHERS[settings.method]
     disc = _sampled_disc(geometry)
     is_too_large = mesher.needs_pixel_depth and not can_be_layered(geometry.lens, disc)
@@ -303,10 +285,9 @@ def forecast(clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[
 
 
 def view_offsets(clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int]) -> Floats:
-    """(N, 2) positions of a frame's virtual cameras on the aperture, without its picture.
+    """Return (N, 2) positions of a frame's views on the aperture, in scene units, x right and y down.
 
-    They are in scene units, x right and y down. With an automatic number there are about as many as the
-    frame will have. Raises UserError as `forecast`.
+    An automatic number is about that of the drawn frame. Raises UserError as `forecast` does.
     """
     geometry = _geometry(clip, frame, settings, drawn_size(settings, size))
     mesher = MESHERS[settings.method]
@@ -322,7 +303,7 @@ def _geometry(
     size: tuple[int, int],
     source: LinearRGBA = NO_PICTURE,
 ) -> FrameGeometry:
-    """A frame before its depth is found; UserError for a lens that does not fit it."""
+    """Collect the data of a frame before its depth; raises UserError for a lens that does not fit it."""
     check_settings(settings)
     reconstruction = clip.reconstruction
     image, _ = reconstruction.image_at(frame)
@@ -345,7 +326,7 @@ def _geometry(
 
 
 def _count(settings: FrameOptions, blur: float, prefiltered: bool) -> int:
-    """Number of views for a largest blur disc of so many pixels, if none is asked for."""
+    """Return the selected number of views, or that for a largest blur disc in pixels."""
     if settings.views:
         return settings.views
     wanted = round(settings.quality.views * views_needed(blur, prefiltered))
@@ -353,5 +334,5 @@ def _count(settings: FrameOptions, blur: float, prefiltered: bool) -> int:
 
 
 def _sampled_disc(geometry: FrameGeometry) -> float:
-    """Diameter in pixels of the largest blur disc of the frame's samples."""
+    """Return the diameter in pixels of the largest blur disc of the frame's samples."""
     return geometry.lens.largest_disc(geometry.samples.inverse_depth)

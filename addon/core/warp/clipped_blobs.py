@@ -79,7 +79,7 @@ class Blobs:
 
 @dataclass(frozen=True)
 class Patches:
-    """Surroundings (h, w) of k blobs of a picture, which repeat the pixels at its border."""
+    """Surroundings (h, w) of k blobs, at least `USED` pixels wide; the picture's border repeats."""
 
     number: Indices
     """(k,) index of the blob in the picture."""

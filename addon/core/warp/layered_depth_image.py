@@ -193,7 +193,7 @@ def _matte(opacity: Map, disparity: Map, surfaces: Surfaces, jump: float) -> Map
 def _without_ramps(disparity: Map, jump: float) -> Map:
     """Move single pixels half way up a jump of disparity (H, W) to the nearer side."""
     result = disparity.copy()
-    # First the rows, then the columns.
+    # First down the columns, then along the rows.
     for values in (result, result.T):
         checkpoint(0.2)
         steps = np.diff(values, axis=0)[:, 1:-1]

@@ -64,7 +64,7 @@ class Reprojection:
         return cls(homography.astype(np.float32), (there @ translation).astype(np.float32), camera)
 
     def __call__(self, places: Places) -> tuple[Map, Map, Map]:
-        """Return x and y (n,) in pixels of the other picture, NaN behind it, and the ratio of depths (n,)."""
+        """Return x and y (n,) in the other picture, NaN behind its camera, and ratios of depths (n,)."""
         x, y, ratio = (
             row[0] * places.x + row[1] * places.y + (row[2] + parallax * places.inverse)
             for row, parallax in zip(self.homography, self.parallax, strict=True)

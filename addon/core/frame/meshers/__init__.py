@@ -1,4 +1,4 @@
-"""Ways to make the warp mesh of a frame: a new one is a file here and a line below."""
+"""Meshers, which make the warp mesh of a frame: each is a module here and a line below."""
 
 from __future__ import annotations
 
@@ -14,4 +14,4 @@ MESHERS = {
         edges,
     )
 }
-"""By name, the default first."""
+"""Meshers by name, the default first."""

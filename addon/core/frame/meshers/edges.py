@@ -1,4 +1,4 @@
-"""The thesis's section 5.2: triangles whose sides lie along the edges of the picture."""
+"""Triangles whose sides follow the edges of the picture (section 5.2 of the thesis)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .mesher import FrameGeometry, Mesher, Surface
 
 
 def make(geometry: FrameGeometry) -> Surface:
-    """A mesh of samples and image edges, extrapolated past the border as far as a view sees."""
+    """Make a mesh of samples and image edges, extrapolated past the border as far as views see."""
     lens, samples = geometry.lens, snapped(geometry.samples, geometry.lens)
     margin = lens.margin(samples.inverse_depth) + geometry.beyond
     return Surface(

@@ -11,12 +11,12 @@ from .mesher import FrameGeometry, Mesher, Surface
 
 
 def snapped(samples: DepthSamples, lens: ThinLens) -> DepthSamples:
-    """Samples with their inverse depths moved into the focal plane where their blur cannot be seen."""
+    """Move inverse depths into the focal plane where their blur is invisible."""
     return replace(samples, inverse_depth=lens.snap_to_focal_plane(samples.inverse_depth))
 
 
 def make(geometry: FrameGeometry) -> Surface:
-    """Delaunay triangles of the samples, extrapolated past the border as far as a view sees."""
+    """Triangulate the samples, extrapolated past the border as far as views see."""
     samples = snapped(geometry.samples, geometry.lens)
     margin = geometry.lens.margin(samples.inverse_depth) + geometry.beyond
     return Surface(feature_mesh(samples, geometry.canvas, margin), geometry.picture)

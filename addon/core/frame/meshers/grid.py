@@ -1,4 +1,4 @@
-"""A regular grid that follows the samples as stiffly as it can: the content-preserving warp."""
+"""The content-preserving warp: a regular grid that follows the samples as stiffly as possible."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from .mesher import FrameGeometry, Mesher, Surface
 
 
 def make(geometry: FrameGeometry) -> Surface:
-    """The grid over the samples (Liu et al., "Content-preserving warps for 3D video stabilization", 2009)."""
+    """Make the grid (Liu et al., "Content-preserving warps for 3D video stabilization", 2009)."""
     lens, samples = geometry.lens, geometry.samples
     weights = np.ones(len(samples.observed))
     if isinstance(samples, FrameFeatures):
         weights = fading(geometry.clip.reconstruction, samples.frame, samples.points)
     span = lens.snap_to_focal_plane(np.array(allowed(samples.inverse_depth, lens.focus)))
     mesh = grid_mesh(samples, weights, geometry.canvas, lens.margin(span) + geometry.beyond, lens.focus)
-    # Only now: a subject in the focal plane must not flatten what is between it and the rest.
+    # At the end, or a subject in the focal plane would flatten its surroundings.
     mesh = replace(mesh, inverse_depth=lens.snap_to_focal_plane(mesh.inverse_depth))
     return Surface(mesh, geometry.picture)
 

@@ -1,4 +1,4 @@
-"""The mesher `layers`: depth of every pixel, and hidden surfaces behind silhouettes."""
+"""Dense depth in layers, with hidden surfaces behind silhouettes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...warp.layered_mesh import WIDEST, layer_mesh
 from .mesher import FrameGeometry, Mesher, Surface, equal_share_views
 
 FILLED = 0.25
-"""Share of the mesher's time that is over once hidden colours are found: `frame_costs`, 1920x1080."""
+"""Share of the mesher's time for hidden colours: `frame_costs`, 1920x1080."""
 
 
 def can_be_layered(lens: ThinLens, blur: float) -> bool:
@@ -22,7 +22,7 @@ def can_be_layered(lens: ThinLens, blur: float) -> bool:
 
 
 def make(geometry: FrameGeometry) -> Surface:
-    """Return the mesh of the frame's layered depth image, with hidden colours from other frames."""
+    """Make the mesh of the frame's layered depth image, with hidden colours from other frames."""
     assert geometry.depth is not None and geometry.depth_to_blur is not None
     hidden = None
     if geometry.settings.borrow:
@@ -45,7 +45,7 @@ def make(geometry: FrameGeometry) -> Surface:
 
 
 def _by_true_depth(hidden: HiddenColours, true: Callable[[Floats], Floats]) -> HiddenColours:
-    """Hidden colours as a function of blurred inverse depths (n,), which `true` maps to real ones."""
+    """Adapt hidden colours to blurred inverse depths (n,), which `true` maps to real ones."""
     return lambda places, inverse: hidden(places, true(inverse))
 
 

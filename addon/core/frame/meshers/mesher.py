@@ -23,20 +23,20 @@ from ..plan import FrameOptions
 
 @dataclass(frozen=True)
 class FrameGeometry:
-    """All that is known of a frame when its mesh is made."""
+    """The data of a frame for its mesh."""
 
     clip: ClipContext
     settings: FrameOptions
     canvas: Canvas
     picture: LinearRGBA
-    """(H, W, 4) what the canvas shows, linear and premultiplied."""
+    """(H, W, 4) picture of the canvas, linear and premultiplied."""
     lens: ThinLens
     samples: DepthSamples
-    """Places of known inverse depth, `lens.untilted`."""
+    """Positions of known inverse depth, `lens.untilted`."""
     depth: PixelDepth | None
     """Depth of every pixel of the canvas, for meshers that need it; not yet `lens.untilted`."""
     own_lens: OwnLens | None = None
-    """That the clip was filmed through, where its blur is to be taken into account."""
+    """The camera's lens, if its blur is taken into account."""
     beyond: float = 0.0
     """Pixels past the canvas's border that a steadier camera sees."""
 
@@ -59,11 +59,11 @@ class Surface:
 
     mesh: WarpMesh
     texture: LinearRGBA
-    """(h, w, 4) what is painted on the mesh, linear and premultiplied."""
+    """(h, w, 4) linear, premultiplied."""
     is_whole: bool = False
     """True if the mesh has no holes for any view."""
     layers: tuple[LayeredDepthImage, ...] = ()
-    """That the mesh was made of, near ones first."""
+    """Layers of the mesh, near to far."""
 
 
 @dataclass(frozen=True)
@@ -71,20 +71,19 @@ class Views:
     """Virtual cameras over the aperture."""
 
     offsets: Floats
-    """(N, 2) positions in scene units along the actual camera's x (right) and y (down), as
-    `ThinLens.sheared_positions`."""
+    """(N, 2) positions in scene units, x right and y down, as `ThinLens.sheared_positions`."""
     registration: Floats
     """(N, 2, 3) maps from pixels of a view to pixels in register with the focal plane."""
     weights: Floats | None = None
-    """(N,) share of the aperture's light that each has; None where all have the same."""
+    """(N,) shares of the aperture's light; None for equal ones."""
     spread: float = 1.0
-    """As of `ApertureSamples`."""
+    """See `ApertureSamples`."""
 
 
 def even_views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
     """Return views with the focal plane exactly in register.
 
-    Positions are Vogel's spiral for a round aperture, else those of `equal_share_views`.
+    Positions are Vogel's spiral for a round aperture, otherwise those of `equal_share_views`.
     """
     if not geometry.settings.aperture.is_disc:
         return equal_share_views(geometry, count, variant)
@@ -94,12 +93,7 @@ def even_views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
 def equal_share_views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
     """Return views in the centroids of equal shares of the aperture, in register at the focal plane.
 
-    Prefiltered textures need these.
-
-    Args:
-        geometry: The frame.
-        count: Number of views.
-        variant: Gives other views.
+    Prefiltered textures need these. Another `variant` gives other positions.
     """
     return _in_register(geometry, aperture_samples(geometry.settings.aperture, count, variant))
 
@@ -112,7 +106,7 @@ def _in_register(geometry: FrameGeometry, samples: ApertureSamples) -> Views:
 
 @dataclass(frozen=True)
 class Mesher:
-    """A way to make the warp mesh of a frame; `meshers.MESHERS` lists all of them.
+    """A way to make the warp mesh of a frame; `meshers.MESHERS` lists all.
 
     >>> def make(geometry):
     ...     margin = geometry.lens.margin(geometry.samples.inverse_depth)
@@ -121,11 +115,11 @@ class Mesher:
     """
 
     name: str
-    """On the command line and in .blend files."""
+    """Name on the command line and in .blend files."""
     number: int
-    """In .blend files, where Blender keeps the number of an enumeration's item: never used twice."""
+    """Number of the enumeration's item in .blend files: never used twice."""
     help: str
-    """In the interface and on the command line, one sentence without a full stop."""
+    """Text in the interface and on the command line, one sentence without a full stop."""
     make: Callable[[FrameGeometry], Surface]
     views: Callable[[FrameGeometry, int, int], Views] = even_views
     """Returns a number of views of a frame; another last argument gives other views of the same aperture."""
@@ -138,6 +132,6 @@ class Mesher:
     uses_given_depth: bool = True
     """True if samples of the user's depth maps replace feature points."""
     fewest_focus_points: int = 0
-    """Picked points that it cannot do without."""
+    """Least number of picked points."""
     settings: tuple[str, ...] = ()
-    """Fields of `FrameOptions` that only mean something to it."""
+    """Fields of `FrameOptions` that only this mesher uses."""

@@ -16,16 +16,13 @@ from .mesher import FrameGeometry, Mesher, Surface, Views
 
 
 def make(geometry: FrameGeometry) -> Surface:
-    """Delaunay triangles of the features and the picture's corners, pinned (section 3.4)."""
+    """Triangulate the features and the picture's pinned corners (section 3.4)."""
     features = frame_features(geometry.clip.reconstruction, geometry.frame, geometry.canvas)
     return Surface(thesis_mesh(features, geometry.canvas), geometry.picture)
 
 
 def views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
-    """Random positions (section 3.5), brought into register by the picked points (section 3.8).
-
-    They lie on a disc, whatever the aperture's shape is.
-    """
+    """Return random positions on a disc (section 3.5), registered by the picked points (section 3.8)."""
     reconstruction, settings = geometry.clip.reconstruction, geometry.settings
     offsets = geometry.lens.radius * random_disc(count, settings.seed + variant)
     features = frame_features(reconstruction, geometry.frame, geometry.canvas)
@@ -37,10 +34,10 @@ def views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
 def fitted_registration(
     reconstruction: Reconstruction, features: FrameFeatures, canvas: Canvas, offsets: Floats, focus: Focus
 ) -> Floats:
-    """(N, 2, 3) scalings and translations that map the focus points back by least squares.
+    """Fit (N, 2, 3) scalings and translations that register the focus points (section 3.8).
 
-    The thesis's section 3.8. Features of the frame are used where at least two focus points are seen in
-    it; otherwise the 3D focus points are carried into the frame by projection.
+    They use the frame's features if it sees at least two focus points, otherwise projections of the 3D focus
+    points.
     """
     if len(focus.points) < 2:
         raise UserError("the thesis's method needs at least two focus points; pick four on the subject")
