@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.depth_store import DepthStore
-from addon.core.depth.map_fusion import BORDER, LEVELS, FusionOptions, fused, sharpened, without_speckles
+from addon.core.depth.map_fusion import (
+    BORDER,
+    LEVELS,
+    FusionOptions,
+    fused,
+    sharpened,
+    without_islands,
+    without_speckles,
+)
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
 from addon.core.depth.reprojection import in_place
 from addon.core.depth.temporal_fusion import TemporalFusion
@@ -435,3 +443,23 @@ def test_slopes_and_thin_things_stay() -> None:
         thin = np.full((40, 60), WALL, np.float32)
         thin[:, 30 : 30 + wide] = NEAR
         np.testing.assert_array_equal(sharpened(thin, level), thin)
+
+
+@pytest.mark.parametrize(
+    ("sure", "height", "side", "stays"),
+    [(0.4, 20, 7, False), (0.9, 20, 7, True), (0.4, 4, 7, True), (0.4, 20, 40, True), (0.4, -20, 7, True)],
+    ids=["unsure", "sure", "hardly nearer", "large", "farther"],
+)  # fmt: skip
+def test_small_unsure_islands_that_are_nearer_go(sure: float, height: int, side: int, stays: bool) -> None:
+    level = 0.005
+    inverse = (0.2 + 0.0002 * X).astype(np.float32)
+    island = np.s_[100 : 100 + side, 150 : 150 + side]
+    made, confidence = inverse.copy(), np.full(SHAPE, 0.8, np.float32)
+    made[island] += height * level
+    confidence[island] = sure
+    found = without_islands(made, confidence, level)
+    if stays:
+        np.testing.assert_array_equal(found, made)
+    else:
+        np.testing.assert_allclose(found, inverse, atol=level)
+        np.testing.assert_array_equal(found[:100], made[:100])

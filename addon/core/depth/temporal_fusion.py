@@ -27,6 +27,7 @@ from .map_fusion import (
     level_of,
     past_border,
     sharpened,
+    without_islands,
     without_outliers,
     without_speckles,
 )
@@ -98,7 +99,7 @@ class TemporalFusion:
         checkpoint(1.0)
         inverse, disputed = filled(picture, inverse, confidence, level)
         checkpoint(1.0)
-        inverse = sharpened(even(inverse, level), level, disputed)
+        inverse = without_islands(sharpened(even(inverse, level), level, disputed), confidence, level)
         found = self._with_subjects(image.frame, inverse, confidence, picture)
         # Subjects may have changed the range.
         inverse = without_speckles(found.inverse_depth, level_of(found.inverse_depth))
