@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from addon.core.base.arrays import Mask
+from addon.core.base.errors import UserError
 from addon.core.subjects.masked_objects import MaskedObjects
 
 SIZE = (90, 160)
@@ -63,3 +64,16 @@ def test_specks_belong_to_the_nearest_object() -> None:
     objects = made([mask])
     assert list(objects.numbers) == [1, 2]
     assert (objects.whole(1)(1) | objects.whole(2)(1)).sum() == mask.sum()
+
+
+def test_a_damaged_mask_fails_in_its_own_frame_only() -> None:
+    masks = [boxes((10 + 4 * n, 10)) for n in range(5)]
+
+    def read(frame: int) -> Mask:
+        if frame == 3:
+            raise UserError("mask_0003.png cannot be decoded")
+        return masks[frame - 1]
+
+    objects = MaskedObjects(range(1, 6), read, SIZE)
+    assert list(objects.numbers) == [1]
+    assert objects.whole(1)(4).any() and not objects.small(1, 3).any()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -10,6 +11,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Ints, Map, Mask
+from ..base.errors import UserError
 from ..depth.depth_store import LONGEST_SIDE, decoded, encoded
 from ..depth.source import FAINTEST
 from ..depth.subject_depth import connected
@@ -77,8 +79,10 @@ class MaskedObjects:
         return found
 
     def _parts(self, frame: int) -> Ints:
-        """(h, w) labels of the connected parts of a frame's mask."""
-        mask = self.mask(frame)
+        """(h, w) labels of the connected parts of a frame's mask; a damaged mask fails in its own frame."""
+        mask = None
+        with contextlib.suppress(UserError):
+            mask = self.mask(frame)
         if mask is None:
             return np.zeros(self.size, np.int32)
         shown = np.asarray(np.asarray(mask, np.float32) > FAINTEST, np.float32)
