@@ -54,17 +54,17 @@ def set_shape(settings: VirtualApertureSettings, words: list[str] | None) -> Non
 
 
 def image_of(words: list[str] | None) -> Path | None:
-    """The picture that the words of `--aperture` name, if they name one."""
+    """Return the picture that the words of `--aperture` name, if they name one."""
     return next((Path(value) for key, value in reversed(_pairs(words)) if key == IMAGE), None)
 
 
 def with_image(words: list[str], image: Path) -> list[str]:
-    """The words of `--aperture` with another picture."""
+    """Return the words of `--aperture` with another picture."""
     return [*(word for word in words if not word.startswith(f"{IMAGE}=")), f"{IMAGE}={image.as_posix()}"]
 
 
 def placed(words: list[str], folder: Path) -> list[str]:
-    """The words of `--aperture` with the path of a picture as seen from a folder."""
+    """Return the words of `--aperture` with the path of a picture as seen from a folder."""
     image = image_of(words)
     return words if image is None else with_image(words, folder / image)
 

@@ -19,12 +19,12 @@ from ..scene.shot import forget, shot_of
 
 
 def is_blend(path: Path) -> bool:
-    """Whether a path is that of a .blend, and not of a working folder."""
+    """Return whether a path is that of a .blend, and not of a working folder."""
     return path.suffix.lower() == ".blend" and not path.is_dir()
 
 
 def open_scene(blend: Path, scripts: bool = False) -> bpy.types.Scene:
-    """The scene that a .blend shows; UserError where it cannot be opened."""
+    """Return the scene that a .blend shows; UserError where it cannot be opened."""
     if not blend.is_file():
         raise UserError(f"{blend} does not exist")
     try:

@@ -30,7 +30,7 @@ from .processes import add_jobs, sharing
 def add_command(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
 ) -> None:
-    """`depth DIR`."""
+    """Add the command `depth DIR`."""
     command = commands.add_parser(
         "depth", parents=[common], help="find the depth of frames ahead of rendering"
     )

@@ -28,7 +28,7 @@ from .paths import path
 def add_command(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
 ) -> None:
-    """`export`, which sets `command` to the function that runs it."""
+    """Add the command `export`, which sets `command` to the function that runs it."""
     one = commands.add_parser(
         "export", parents=[common], help="export frames in two layers, STMaps, or the solve for COLMAP"
     )

@@ -62,7 +62,7 @@ BLEND, LENS = "scene.blend", "lens.json"
 def add_commands(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
 ) -> None:
-    """`farm` and `join`; each sets `command` to the function that runs it."""
+    """Add the commands `farm` and `join`; each sets `command` to the function that runs it."""
     one = commands.add_parser(
         "farm", parents=[common], help="write a render farm job in the Open Job Description format"
     )
@@ -96,7 +96,7 @@ def add_commands(
 
 
 def join(options: argparse.Namespace) -> None:
-    """`join DIR --rendered FRAMES --out FILE`: all frames are there, whole and of one run, or it fails."""
+    """Run `join DIR --rendered FRAMES --out FILE`: all frames must be there, complete and of one run."""
     rendered, out = options.rendered.absolute(), options.out.absolute()
     output.check_output(out, options.overwrite)
     if out.suffix.lower() not in movie_file.MOVIES:
@@ -125,7 +125,7 @@ def join(options: argparse.Namespace) -> None:
 
 
 def farm(options: argparse.Namespace) -> None:
-    """`farm DIR --out BUNDLE`: a folder with the job and all that it reads, to be moved as it is."""
+    """Run `farm DIR --out BUNDLE`: write a movable folder with the job and all of its inputs."""
     out: Path = options.out.absolute()
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UserError(f"{out} already exists; name a new folder")
@@ -236,7 +236,7 @@ class _Texts:
         self.parameters: list[dict[str, str]] = []
 
     def literal(self, text: str) -> str:
-        """A text in a template's words that stands for itself."""
+        """Return a text in a template's words that stands for itself."""
         if "{{" not in text and "}}" not in text:
             return text
         name = f"Text{len(self.parameters) + 1}"

@@ -35,7 +35,7 @@ REPORT = "report.json"
 def add_command(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
 ) -> None:
-    """`inspect`, which sets `command` to the function that runs it."""
+    """Add the command `inspect`, which sets `command` to the function that runs it."""
     one = commands.add_parser(
         "inspect", parents=[common], help="show what a frame is drawn from, as pictures and figures"
     )

@@ -58,7 +58,7 @@ side)."""
 
 
 def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
-    """Focus, blur, depth and method; a focus must be given where it is `required`."""
+    """Add the options of focus, blur, depth and method; a focus may be `required`."""
     command.set_defaults(**{NEEDED: required})
     focus = command.add_mutually_exclusive_group()
     focus.add_argument(
@@ -119,7 +119,7 @@ def add_moving(command: argparse.ArgumentParser) -> None:
 
 
 def add_work(command: argparse.ArgumentParser) -> None:
-    """The argument of a command that takes a solve, or a .blend of one."""
+    """Add the argument of a command that takes a solve, or a .blend of one."""
     command.add_argument(
         "work", type=path, metavar="DIR|FILE.blend",
         help="folder of the solve, or a .blend from save or farm, which has the lens",
@@ -127,14 +127,14 @@ def add_work(command: argparse.ArgumentParser) -> None:
 
 
 def lens_defaults() -> dict[str, Any]:
-    """The options of `add_lens` as they are where none is given."""
+    """Return the options of `add_lens` as they are where none is given."""
     command = Parser()
     add_lens(command, required=False)
     return {name: value for name, value in vars(command.parse_args([])).items() if name != NEEDED}
 
 
 def given_lens(options: argparse.Namespace) -> dict[str, Any]:
-    """Those of the options of `add_lens` that were given."""
+    """Return those of the options of `add_lens` that were given."""
     return {
         name: value
         for name, default in lens_defaults().items()
@@ -198,7 +198,7 @@ def has_focus(options: argparse.Namespace) -> bool:
 
 
 def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
-    """A fresh scene that holds the solve."""
+    """Return a fresh scene that holds the solve."""
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     footage = solved.open_clip(solved.frames)
@@ -208,7 +208,11 @@ def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, F
 
 
 def wanted_frames(footage: Footage, frames: FrameRange | None) -> tuple[int, ...]:
-    """Those of a clip that `--frames` asks for, all of them without; UserError where there are none."""
+    """Return the frames of a clip that `--frames` asks for, by default all.
+
+    Raises:
+        UserError: There are none.
+    """
     wanted = footage.frames if frames is None else footage.of(frames)
     if not wanted:
         raise UserError(f"the solve has no frames {frames}; it has {describe(footage.frames)}")
@@ -216,7 +220,7 @@ def wanted_frames(footage: Footage, frames: FrameRange | None) -> tuple[int, ...
 
 
 def movie_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
-    """The frames that a movie of those asked for shows: every one of the range.
+    """Return the frames that a movie of those asked for shows: every one of the range.
 
     Those that the solve left out, which is of the frames of `footage`, get their camera from their
     neighbours.
@@ -226,7 +230,11 @@ def movie_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
 
 
 def all_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
-    """Frames of the whole clip, also those that were not solved; UserError where there are none."""
+    """Return frames of the whole clip, also unsolved ones.
+
+    Raises:
+        UserError: There are none.
+    """
     return list(open_footage(footage.path, frames, info=footage.video, stills=footage.is_stills).frames)
 
 

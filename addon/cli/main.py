@@ -56,7 +56,7 @@ from .words import SOLVED_WORDS, WORDS
 
 
 def parser() -> argparse.ArgumentParser:
-    """All commands; each sets `command` to the function that runs it."""
+    """Return all commands; each sets `command` to the function that runs it."""
     top: argparse.ArgumentParser = Parser(
         prog="headless.py", description="Depth of field for all-sharp video."
     )

@@ -31,7 +31,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def real(text: str) -> float:
-    """The type of an option that is a number."""
+    """Return the type of an option that is a number."""
     try:
         value = numbers.real(text)
     except ValueError as error:
@@ -45,7 +45,7 @@ def real(text: str) -> float:
 
 
 def whole(least: int, most: int = numbers.LARGEST_WHOLE) -> Callable[[str], int]:
-    """The type of an option that is a whole number from `least` to `most`."""
+    """Return the type of an option that is a whole number from `least` to `most`."""
 
     def parse(text: str) -> int:
         try:
@@ -102,7 +102,7 @@ def text_of(option: Option, value: Any) -> str:
 
 
 def add_options(command: argparse.ArgumentParser, options: Mapping[str, Option]) -> None:
-    """An option of the command line for each declared one, by its name; None where it is not given."""
+    """Add an option of the command line for each declared one, by its name; None where it is not given."""
     for name, each in options.items():
         choices = each.choices or {}
         meanings = (f"{key}: {choice.help}" for key, choice in choices.items())

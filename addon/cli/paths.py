@@ -10,7 +10,7 @@ from ..core.base.file_names import checked_name
 
 
 def path(text: str) -> Path:
-    """A path as it was typed; UserError for one that is empty or not UTF-8.
+    """Return a path as it was typed; UserError for one that is empty or not UTF-8.
 
     Two slashes in front are one, as everywhere but in Blender, to which they mean the folder of the .blend.
     """

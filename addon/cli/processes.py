@@ -16,7 +16,7 @@ MOST_JOBS = 1000
 
 
 def add_jobs(command: argparse.ArgumentParser) -> None:
-    """`--jobs`."""
+    """Add `--jobs`."""
     command.add_argument(
         "--jobs", type=whole(1, MOST_JOBS), metavar="N",
         help="number of parallel processes (default: as many as processors and free memory allow)",

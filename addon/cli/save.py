@@ -44,7 +44,7 @@ MOST_NAMED = 5
 def add_command(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
 ) -> None:
-    """`save`, which sets `command` to the function that runs it."""
+    """Add the command `save`, which sets `command` to the function that runs it."""
     one = commands.add_parser(
         "save", parents=[common], help="save the solved clip as a .blend, ready to open or to send"
     )
@@ -68,7 +68,7 @@ def add_command(
 
 
 def save(options: argparse.Namespace) -> None:
-    """`save DIR --blend FILE`: the .blend, and beside it all that it needs: the folder is all there is."""
+    """Run `save DIR --blend FILE`: write a .blend, and all of its inputs beside it."""
     blend: Path = options.blend.absolute()
     if blend.suffix.lower() != ".blend":
         raise UserError(f"{blend.name} must end in .blend")

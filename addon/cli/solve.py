@@ -31,7 +31,7 @@ from .words import IMPORT_WORDS
 def add_commands(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
 ) -> None:
-    """`solve`, `report` and `import`; each sets `command` to the function that runs it."""
+    """Add the commands `solve`, `report` and `import`; each sets `command` to its function."""
     one = commands.add_parser(
         "solve", parents=[common], help="find the camera motion and feature points of a clip"
     )
@@ -91,7 +91,7 @@ def add_footage(
     name: str = "FOOTAGE",
     description: str = "video, folder of images, or pattern",
 ) -> None:
-    """The arguments of a clip to be solved, which is called `name` and described as `description`."""
+    """Add the arguments of a clip to solve, called `name` and described as `description`."""
     command.add_argument("footage", type=path, metavar=name, help=description)
     focal = command.add_mutually_exclusive_group()
     focal.add_argument("--focal", type=real, metavar="PX", help="known focal length in pixels")
@@ -119,7 +119,7 @@ def add_footage(
 
 
 def add_solve_frames(command: argparse.ArgumentParser) -> None:
-    """`--solve-frames`, of commands whose `--frames` are those that are rendered."""
+    """Add `--solve-frames`, for commands whose `--frames` are the rendered ones."""
     command.add_argument(
         "--solve-frames", type=FrameRange.parse, metavar="A-B[:STEP]",
         help="frames of the clip to solve, such as one of several shots (all)",
@@ -127,7 +127,7 @@ def add_solve_frames(command: argparse.ArgumentParser) -> None:
 
 
 def solve_arguments(options: argparse.Namespace) -> list[str]:
-    """The options of `add_footage` as words for another process's command line, without the clip."""
+    """Return the options of `add_footage` as words for another process's command line, without the clip."""
     words = []
     for name in ("focal", "focal35", "fov", "focal_mm", "sensor_mm", "tracker"):
         if (value := getattr(options, name)) is not None:

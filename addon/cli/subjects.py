@@ -15,7 +15,7 @@ EXAMPLE = "0.44,0.26 0.45,0.5 0.44,0.8@30"
 
 
 def add_subjects(command: argparse.ArgumentParser) -> None:
-    """The option that marks subjects."""
+    """Add the option that marks subjects."""
     command.add_argument(
         "--subject", metavar="[NAME=]X,Y", nargs="+", action="append",
         help=f"a stroke over a moving subject, such as {EXAMPLE}: places in the picture, with a frame after"
@@ -24,7 +24,7 @@ def add_subjects(command: argparse.ArgumentParser) -> None:
 
 
 def add_focus_subject(command: argparse.ArgumentParser) -> None:
-    """The option that puts one in focus."""
+    """Add the option that puts a subject in focus."""
     command.add_argument(
         "--focus-subject", metavar="[NAME][@FRAME]", nargs="?", const="", action="append",
         help="keep a marked subject in focus; with a frame, also together with --focus-at, it is one end of"
@@ -33,7 +33,7 @@ def add_focus_subject(command: argparse.ArgumentParser) -> None:
 
 
 def subjects_of(options: argparse.Namespace, frame: int) -> tuple[MarkedSubject, ...]:
-    """The subjects that strokes mark; one that names no frame is in `frame`.
+    """Return the subjects that strokes mark; one that names no frame is in `frame`.
 
     UserError for a stroke that is not understood.
     """

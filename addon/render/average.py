@@ -158,14 +158,14 @@ def _joined(one: Floats | None, other: Floats | None) -> Floats | None:
 
 
 def draw_shares(drawn: Drawn) -> LinearRGBA:
-    """(H, W, 3) the shares of `inspection.SOURCES` in each of the result's pixels."""
+    """Return (H, W, 3) the shares of `inspection.SOURCES` in each of the result's pixels."""
     with stage("Sources", 1.0, 1.0):
         mean = draw_mean(source_frame(drawn.warped))
     return shares_of(mean, drawn.warped.plan.canvas)
 
 
 def draw_mean(warped: WarpedFrame) -> LinearRGBA:
-    """The mean of a frame's views (h, w, 4) in its canvas, with its highlights' discs.
+    """Return the mean of a frame's views (h, w, 4) in its canvas, with its highlights' discs.
 
     UserError where no GPU context can be had.
     """
@@ -187,7 +187,7 @@ def draw_mean(warped: WarpedFrame) -> LinearRGBA:
 
 
 def resized(picture: LinearRGBA, size: tuple[int, int]) -> LinearRGBA:
-    """A picture (H, W, 4) in linear light at another size (width, height), without negative light."""
+    """Return a picture (H, W, 4) in linear light at another size (width, height), without negative light."""
     if (picture.shape[1], picture.shape[0]) == size:
         return picture
     shrinks = size[0] < picture.shape[1]

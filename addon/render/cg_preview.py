@@ -75,7 +75,7 @@ _kept: OrderedDict[CGWanted, tuple[Intrinsics, CGObjects]] = OrderedDict()
 
 
 def wanted(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> CGWanted | None:
-    """The CG objects of a scene at its present frame; None where it has none."""
+    """Return the CG objects of a scene at its present frame; None where it has none."""
     objects = tuple(thing.session_uid for thing in cg_objects(scene, layer))
     return CGWanted(scene.name, layer.name, clip_frame(scene), objects, _version) if objects else None
 

@@ -286,7 +286,11 @@ def frame_title(scene: bpy.types.Scene, is_animation: bool) -> str:
 
 
 def check_shape(shot: Shot, frame: int, size: tuple[int, int]) -> None:
-    """UserError where the render's shape is not that of the clip's frame: the picture would be stretched."""
+    """Check that the render has the shape of the clip's frame, as the picture would be stretched.
+
+    Raises:
+        UserError: It has not.
+    """
     if problem := shape_problem(size, shot.size(frame)):
         raise UserError(problem)
 

@@ -53,7 +53,11 @@ def planned(scene: bpy.types.Scene, what: str, frames: Sequence[int], folder: Pa
 
 
 def check_free(files: Sequence[Exported], overwrite: bool) -> None:
-    """UserError where a file is there already, or cannot be written, before any work."""
+    """Check that files can be written and do not exist, before any work.
+
+    Raises:
+        UserError: One exists, or cannot be written.
+    """
     for each in files:
         check_file(each.file)
         if each.file.exists() and not overwrite:

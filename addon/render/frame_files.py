@@ -33,7 +33,7 @@ _UNSEALED = "0" * 64
 
 
 def note_of(key: str) -> str:
-    """The stamp note that carries a key (64 hexadecimal digits), with room for `seal`'s digest."""
+    """Return the stamp note that carries a key (64 hexadecimal digits), with room for `seal`'s digest."""
     return f"virtual-aperture-frame {key} {_UNSEALED}"
 
 
@@ -67,9 +67,10 @@ def key_of(path: Path) -> str | None:
 
 
 def is_changed(path: Path) -> bool:
-    """Whether a picture that has a key is not, to the byte, what was written with it; all of it is read.
+    """Return whether a picture with a key was changed since it was written; all of it is read.
 
-    UserError where it cannot be.
+    Raises:
+        UserError: It cannot be read.
     """
     try:
         data = read_regular(path)
@@ -88,9 +89,9 @@ def _digest(data: bytes, note: re.Match[bytes]) -> str:
 
 
 def still_problem(path: Path, size: tuple[int, int] | None = None) -> str:
-    """Why a picture is none that can be used, or an empty string: it is decoded as a whole.
+    """Return the reason why a picture is not usable, or "": it is decoded completely.
 
-    `size` is the (width, height) that it must have.
+    `size` is the expected (width, height).
     """
     try:
         if regular_stat(path).st_size == 0:
@@ -108,9 +109,9 @@ def still_problem(path: Path, size: tuple[int, int] | None = None) -> str:
 
 
 def movie_problem(path: Path, count: int, size: tuple[int, int]) -> str:
-    """Why a movie (.mp4, .mov or .mkv) is not whole, or an empty string: its frames are decoded and counted.
+    """Return the reason why a movie (.mp4, .mov or .mkv) is incomplete, or "".
 
-    A disk may be full at the last bytes, which are behind all frames.
+    Its frames are decoded and counted. A full disk can cut off the last bytes, behind all frames.
     """
     if not path.exists():
         return "was not written"
@@ -163,7 +164,11 @@ def _has_whole_segment(path: Path) -> bool:
 
 
 def refuse(path: Path, problem: str) -> None:
-    """UserError for a file that was just written and is not right; nothing where there is no problem."""
+    """Check a file that was just written.
+
+    Raises:
+        UserError: It has a problem.
+    """
     if problem:
         raise UserError(f"{path.name} {problem} and was discarded{likely_cause(problem)}")
 
@@ -221,6 +226,6 @@ def set_no_stamps(render: bpy.types.RenderSettings) -> None:
 
 
 def blender_path(path: Path) -> str:
-    """A path as Blender's output setting takes it: braces are its templates, two slashes its own folder."""
+    """Return a path as Blender's output setting takes it: braces are templates, two slashes the folder."""
     text = str(path.absolute()).replace("{", "{{").replace("}", "}}")
     return "/" + text.lstrip("/") if text.startswith("//") else text

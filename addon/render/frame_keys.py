@@ -23,15 +23,15 @@ no digest, so the property identifies the run, or file."""
 
 
 def run_key(scene: bpy.types.Scene) -> str:
-    """64 hexadecimal digits of all that the pictures of a scene's clip depend on, whichever frame.
+    """Return 64 hexadecimal digits of all inputs of a clip's pictures that are common to its frames.
 
-    A keyed lens is that of the clip's first frame. Shows that frame.
+    A keyed lens is that of the clip's first frame, which is shown.
     """
     return _with_lens(scene, _clip_key(scene), shot_of(scene).footage.frames[0])
 
 
 def frame_keys(scene: bpy.types.Scene, frames: list[int]) -> dict[int, str]:
-    """64 hexadecimal digits for each frame of all that its picture depends on. Shows the frames."""
+    """Return 64 hexadecimal digits of all inputs of each frame's picture. The frames are shown."""
     key = _clip_key(scene)
     return {frame: _with_lens(scene, f"{key} {frame}", frame) for frame in frames}
 

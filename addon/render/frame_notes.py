@@ -41,7 +41,7 @@ def of(scene: bpy.types.Scene) -> list[FrameNote]:
 
 
 def forget(*_: object) -> None:
-    """A render begins, or another file is opened: nothing is known."""
+    """Clear the notes: a render begins, or another file is opened."""
     _said.clear()
 
 

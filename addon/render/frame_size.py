@@ -6,7 +6,7 @@ import bpy
 
 
 def render_size(render: bpy.types.RenderSettings) -> tuple[int, int]:
-    """(width, height) in pixels of the whole rendered frame."""
+    """Return (width, height) in pixels of the whole rendered frame."""
     share = render.resolution_percentage / 100
     return max(1, int(render.resolution_x * share)), max(1, int(render.resolution_y * share))
 
@@ -25,7 +25,7 @@ def shape_problem(size: tuple[int, int], clip: tuple[int, int]) -> str:
 
 
 def written_size(render: bpy.types.RenderSettings) -> tuple[int, int]:
-    """(width, height) of the picture that Blender writes: the frame, or its border where that is cropped."""
+    """Return (width, height) of the picture that Blender writes: the frame, or its cropped border."""
     size = render_size(render)
     if not (render.use_border and render.use_crop_to_border):
         return size

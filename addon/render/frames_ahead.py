@@ -99,7 +99,7 @@ class SharedFrames:
         part.replace(self._path(frame, "npz"))
 
     def take(self, frame: int) -> DrawnFrame:
-        """A frame that waits, which is gone then. Raises OSError."""
+        """Return a frame that waits, which is gone then. Raises OSError."""
         path = self._path(frame, "npz")
         with np.load(path, allow_pickle=False) as held:
             pictures = {name: held[name] for name in held.files if name != "notes"}
@@ -170,7 +170,7 @@ class FramesAhead:
         return made
 
     def frame(self, frame: int) -> DrawnFrame | None:
-        """A frame that another process has drawn or is drawing; None where it is to be drawn here.
+        """Return a frame that another process has drawn or is drawing; None where it is to be drawn here.
 
         Passes checkpoints.
         """

@@ -89,7 +89,10 @@ SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
 
 
 def gpu_problem() -> str:
-    """Why no GPU context can be had, or an empty string. Starts the context in background mode."""
+    """Return the reason why there is no GPU context, or "".
+
+    Starts the context in background mode.
+    """
     problem = egl_problem()
     if problem:
         return problem
@@ -126,7 +129,7 @@ def start_gpu() -> None:
 
 
 def egl_problem() -> str:
-    """Why EGL has no display, or an empty string: asked first, because without a driver Blender crashes."""
+    """Return the reason why EGL has no display, or "": without a driver Blender crashes."""
     if not bpy.app.background or sys.platform != "linux":
         return ""
     try:
@@ -170,7 +173,7 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
 
 
 def mean_of_views(plan: FramePlan, picture: LinearRGBA) -> LinearRGBA:
-    """The mean of all views of a plan in linear light, in the canvas's geometry.
+    """Return the mean of all views of a plan in linear light, in the canvas's geometry.
 
     `picture` is the canvas picture (h, w, 4), linear and premultiplied. Pixels that no triangle covers count
     as black and transparent. Passes checkpoints between views. Raises UserError where the picture is too

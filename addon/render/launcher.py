@@ -20,7 +20,7 @@ JOB = "--job"
 
 
 def launcher() -> list[str]:
-    """The words before the arguments with which another process of this command line is started."""
+    """Return the words before the arguments with which another process of this command line is started."""
     if bpy.app.binary_path:
         return [
             bpy.app.binary_path, "--background", "--python-exit-code", "1", "--python", str(HEADLESS), "--",

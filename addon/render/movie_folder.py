@@ -51,7 +51,11 @@ def check_free(out: Path) -> None:
 
 
 def check_not_kept(folder: Path) -> None:
-    """UserError where a folder for frames is one that goes when a movie is whole."""
+    """Check that a folder for frames is not one that is removed with a complete movie.
+
+    Raises:
+        UserError: It is.
+    """
     if (folder / MARK).exists():
         raise UserError(
             f"{folder} keeps the frames of a movie and is removed when that is complete; write to another"

@@ -38,9 +38,12 @@ reports each one."""
 
 
 def check_output(out: Path, overwrite: bool, is_one: bool = False) -> None:
-    """UserError for an output that cannot be written or would overwrite something, before any work.
+    """Check an output before any work.
 
-    A picture's file takes no #### where `is_one` frame is rendered.
+    A picture's file has no #### where `is_one` frame is rendered.
+
+    Raises:
+        UserError: It cannot be written, or would overwrite something.
     """
     checked_name(out.absolute())
     suffix = out.suffix.lower()
@@ -61,9 +64,12 @@ def check_output(out: Path, overwrite: bool, is_one: bool = False) -> None:
 
 
 def check_apart(written: Iterable[Path], sources: Iterable[Path]) -> None:
-    """UserError where a file or folder that is written is a source, or the folder of one's pictures.
+    """Check that no output is a source, or the folder of a source's pictures.
 
     Sources are clips, masks and depth maps: videos, folders, patterns or one picture of a sequence.
+
+    Raises:
+        UserError: One is.
     """
     places = [
         source.parent if is_pattern(source) or source.suffix.lower() in PICTURES else source
@@ -90,7 +96,11 @@ def claimed(out: Path) -> AbstractContextManager[None]:
 
 
 def check_folder(folder: Path) -> None:
-    """UserError for a folder that cannot be written, or made."""
+    """Check that a folder can be written, or made.
+
+    Raises:
+        UserError: It cannot.
+    """
     # A link that leads nowhere, or in a circle, is there, too.
     above = next(p for p in [folder, *folder.parents] if os.path.lexists(p))
     if not above.is_dir():
@@ -321,7 +331,7 @@ def set_still(scene: bpy.types.Scene, suffix: str, footage: Footage) -> None:
 
 
 def crop_to_even(render: bpy.types.RenderSettings) -> None:
-    """H.264 stores colour for two by two pixels: an odd last row or column is cut off."""
+    """Crop to even sides: H.264 stores colour for two by two pixels."""
     across, down = written_size(render)
     if not (across % 2 or down % 2):
         return
@@ -335,7 +345,7 @@ def crop_to_even(render: bpy.types.RenderSettings) -> None:
 
 
 def numbered(name: str, frame: int) -> str:
-    """The last #### of a name replaced by the frame number, as Blender does; without any it stays."""
+    """Return the last #### of a name replaced by the frame number, as Blender does; without any it stays."""
     if "#" not in name:
         return name
     end = name.rindex("#") + 1

@@ -168,7 +168,7 @@ class Preview:
             return made
 
     def problem(self, wanted: Wanted) -> str:
-        """Why there is none, or an empty string."""
+        """Return the reason why there is no picture, or ""."""
         return self._problems.get(wanted.key, "")
 
     def is_busy(self) -> bool:
@@ -303,7 +303,7 @@ class Preview:
 
 
 def make_picture(wanted: Wanted, level: int) -> Picture:
-    """A frame at a level; UserError as `render_frame`. Passes checkpoints."""
+    """Return a frame at a level; UserError as `render_frame`. Passes checkpoints."""
     if level == CLIP:
         clip = _clip(wanted)
         return Picture(wanted, level, clip, clip)

@@ -25,7 +25,11 @@ JOB = "specificationVersion"
 
 
 def check_report(path: Path, overwrite: bool) -> None:
-    """UserError for a file of reports that cannot be one, before any work."""
+    """Check a file of reports before any work.
+
+    Raises:
+        UserError: It cannot be one.
+    """
     if path.suffix.lower() != ".json":
         raise UserError(f"{path.name} is not a report file; end it in .json")
     check_file(path)
@@ -96,11 +100,11 @@ class RunReport:
         self._write(self._path)
 
     def lacks(self, frames: list[int]) -> list[int]:
-        """Frames that have no entry in the file."""
+        """Return the frames without an entry in the file."""
         return [frame for frame in frames if self._path is not None and frame not in self._reports]
 
     def summary(self, frames: list[int]) -> str:
-        """One line about a run's frames, those of an earlier one included; empty if nothing is known."""
+        """Return one line about a run's frames, with those of an earlier one; "" if nothing is known."""
         reports = [self._reports[frame] for frame in frames if frame in self._reports]
         used = {one.frame: Used(one.frame, one.method, one.why) for one in reports} | self._used
         return summary(used.values(), reports)
@@ -111,7 +115,7 @@ class RunReport:
 
 
 def text_of(entries: list[dict[str, object]], key: str) -> str:
-    """The file of reports: an entry a line."""
+    """Return the file of reports: an entry a line."""
     lines = ",\n".join(json.dumps(entry) for entry in entries)
     return f'{{"kind": {json.dumps(KIND)}, "key": {json.dumps(key)}, "frames": [\n{lines}\n]}}\n'
 
@@ -152,7 +156,11 @@ class Inspector:
 
 
 def write_picture(path: Path, picture: Shown) -> None:
-    """A PNG of (H, W, 3) sRGB; UserError if it cannot be written."""
+    """Write a PNG of (H, W, 3) sRGB.
+
+    Raises:
+        UserError: It cannot be written.
+    """
     done, data = cv2.imencode(".png", picture[..., ::-1])
     assert done
     replaced(path, lambda part: part.write_bytes(data.tobytes()))

@@ -188,7 +188,7 @@ def _draw_words() -> None:
 
 
 def camera_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> Rectangle | None:
-    """As `frame_in_region`, in a viewport's region; None where it does not look through the solved camera."""
+    """Return `frame_in_region` in a viewport's region; None outside of the solved camera's view."""
     space, view, camera = context.space_data, context.region_data, scene.virtual_aperture.camera
     seen = space.camera if space.use_local_camera else scene.camera
     if view.view_perspective != "CAMERA" or camera is None or seen is None or seen.name != camera.name:

@@ -22,7 +22,7 @@ _held = False
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Within it `update` does nothing, for many edits at a time: call it once afterwards."""
+    """Suspend `update` for many edits at a time: call it once afterwards."""
     global _held
     _held = True
     try:

@@ -45,7 +45,7 @@ class VirtualApertureShape(bpy.types.PropertyGroup):
 
 
 def aperture_image(path: Path) -> ApertureImage:
-    """The picture of an aperture in a file; UserError where it cannot be read."""
+    """Return the picture of an aperture in a file; UserError where it cannot be read."""
     try:
         written = path.stat().st_mtime_ns
     except OSError:

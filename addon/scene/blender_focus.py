@@ -45,7 +45,7 @@ def follow(settings: bpy.types.PropertyGroup) -> None:
 
 
 def is_animated(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether the camera's own focus distance has keys or a driver, ours or another."""
+    """Return whether the camera's own focus distance has keys or a driver, ours or another."""
     from bpy_extras.anim_utils import action_get_channelbag_for_slot
 
     camera = _camera(settings)
@@ -60,13 +60,17 @@ def is_animated(settings: bpy.types.PropertyGroup) -> bool:
 
 
 def focus_object(settings: bpy.types.PropertyGroup) -> bpy.types.Object | None:
-    """The object that is in focus, if one is."""
+    """Return the object that is in focus, if one is."""
     camera = _camera(settings)
     return None if camera is None else camera.data.dof.focus_object
 
 
 def check(settings: bpy.types.PropertyGroup) -> None:
-    """UserError where the object in focus does not lie ahead of the camera."""
+    """Check that the camera's focus object lies ahead.
+
+    Raises:
+        UserError: It does not.
+    """
     thing, away = focus_object(settings), distance(settings)
     if thing is not None and away is not None and not away > 0:
         raise UserError(

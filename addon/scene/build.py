@@ -115,7 +115,7 @@ def restore(scene: bpy.types.Scene, footage: Footage | None) -> None:
 
 
 def move_clip(scene: bpy.types.Scene, footage: Footage) -> None:
-    """The clip that is in the scene lies in another place: the path, the background and the sound follow."""
+    """Follow a moved clip: set the path, the background and the sound."""
     settings: VirtualApertureSettings = scene.virtual_aperture
     settings.footage = relative(footage.path)
     for background in settings.camera.data.background_images if settings.camera is not None else ():
@@ -138,7 +138,7 @@ def _set_up_scene(scene: bpy.types.Scene, footage: Footage, reconstruction: Reco
 
 
 def blender_rate(fps: float) -> tuple[int, float]:
-    """Frames a second as Blender's integer and the base that it is divided by: 30000/1001 is 30 / 1.001."""
+    """Return the rate as Blender's integer and base: 30000/1001 is 30 / 1.001."""
     rate = Fraction(fps).limit_denominator(1001)
     whole = max(1, round(rate))
     return whole, whole / float(rate)
@@ -244,7 +244,7 @@ def _background_notes(footage: Footage) -> list[str]:
 
 
 def first_file(footage: Footage) -> Path:
-    """The video itself, or the first picture of a sequence."""
+    """Return the video itself, or the first picture of a sequence."""
     return footage.path if footage.is_video else footage.file(footage.frames[0])
 
 

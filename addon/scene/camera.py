@@ -19,9 +19,9 @@ FLIP = np.diag([1.0, -1.0, -1.0])
 
 
 def set_intrinsics(data: bpy.types.Camera, camera: Intrinsics, frame: int | None = None) -> None:
-    """Focal length and principal point of a pinhole, keyed at `frame` if one is given.
+    """Set focal length and principal point of a pinhole, keyed at `frame` if one is given.
 
-    Pixel aspect is the scene's business, see `set_pixel_aspect`; distortion is the canvas's.
+    Pixel aspect is a property of the scene, see `set_pixel_aspect`; distortion is the canvas's.
     """
     data.type = "PERSP"
     data.sensor_fit = "HORIZONTAL"
@@ -35,7 +35,7 @@ def set_intrinsics(data: bpy.types.Camera, camera: Intrinsics, frame: int | None
 
 
 def set_pixel_aspect(render: bpy.types.RenderSettings, camera: Intrinsics) -> None:
-    """Non-square pixels: the shorter focal length belongs to the longer pixel side."""
+    """Set the pixel aspect: the shorter focal length belongs to the longer pixel side."""
     render.pixel_aspect_x = max(camera.fy / camera.fx, 1.0)
     render.pixel_aspect_y = max(camera.fx / camera.fy, 1.0)
 

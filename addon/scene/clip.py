@@ -35,16 +35,17 @@ _searches: dict[tuple[str, ...], tuple[float, Path | None]] = {}
 
 
 def footage_path(settings: bpy.types.PropertyGroup) -> Path:
-    """The path of the chosen clip, with Blender's // resolved; UserError where none is chosen."""
+    """Return the path of the chosen clip, with Blender's // resolved; UserError where none is chosen."""
     if not settings.footage:
         raise UserError("no clip has been chosen")
     return absolute(settings.footage, settings.id_data)
 
 
 def solved_clip_path(settings: bpy.types.PropertyGroup) -> Path:
-    """Where the clip of the scene's solve lies: where the path leads, or where it was found again.
+    """Return the path of the solved clip: the set one, or one where it was found again.
 
-    UserError where another clip is chosen, or it is not found.
+    Raises:
+        UserError: Another clip is set, or it is not found.
     """
     path = footage_path(settings)
     trouble = trouble_with(settings, at_a_glance=False)

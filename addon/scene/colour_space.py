@@ -25,14 +25,18 @@ differ by 0.05 and more (`tests/scene/test_colour_space.py`)."""
 
 
 def names() -> list[str]:
-    """The colour spaces of Blender's configuration that pictures may have."""
+    """Return the colour spaces of Blender's configuration that pictures may have."""
     listed = bpy.types.ColorManagedInputColorspaceSettings.bl_rna.properties["name"]
     assert isinstance(listed, bpy.types.EnumProperty)
     return [item.identifier for item in listed.enum_items]
 
 
 def checked(name: str) -> str:
-    """A name of a colour space as it is, in any case of letters; UserError where Blender has none of it."""
+    """Return Blender's spelling of a colour space's name, in any case of letters.
+
+    Raises:
+        UserError: Blender has none of this name.
+    """
     known = {each.casefold(): each for each in names()}
     if name.casefold() not in known:
         raise UserError(f"there is no color space {name!r}; Blender has {', '.join(known.values())}")
@@ -52,12 +56,12 @@ def space_of(settings: bpy.types.PropertyGroup, footage: Footage) -> ColourSpace
 
 
 def working_space() -> str:
-    """The space of linear light that Blender works in, which each .blend chooses."""
+    """Return the space of linear light that Blender works in, which each .blend chooses."""
     return str(bpy.data.colorspace.working_space)
 
 
 def from_rec_709() -> Floats | None:
-    """(3, 3) from the primaries of Rec.709 to those of the working space; None where it has them."""
+    """Return (3, 3) from the primaries of Rec.709 to those of the working space; None where it has them."""
     return None if working_space() == REC_709 else colour_space("sRGB").matrix
 
 

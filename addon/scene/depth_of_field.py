@@ -40,7 +40,7 @@ def focal_metres(settings: bpy.types.PropertyGroup) -> float:
 
 
 def sensor_millimetres(settings: bpy.types.PropertyGroup) -> float:
-    """Width of the sensor: as given, else of a full frame."""
+    """Return the width of the sensor: the given one, or a full frame's."""
     return float(settings.sensor_mm) if settings.lens == "SENSOR" else SENSOR
 
 
@@ -98,7 +98,7 @@ def set_subject_metres(settings: bpy.types.PropertyGroup, value: float) -> None:
 
 
 def f_stop(settings: bpy.types.PropertyGroup) -> float:
-    """The f-stop of the aperture, by the scale that is given or assumed; 0 where no aperture is chosen."""
+    """Return the aperture's f-stop by the given or assumed scale; 0 without an aperture."""
     across = 2 * settings.aperture_radius * scale(settings)
     return focal_metres(settings) / across if across > 0 else 0.0
 
@@ -131,13 +131,13 @@ def set_f_stop(settings: bpy.types.PropertyGroup, value: float) -> None:
 
 
 def on_scale(settings: bpy.types.PropertyGroup) -> None:
-    """The scale was given: Blender shows the scene's lengths in it, too."""
+    """Show lengths in Blender by a scale that was just given."""
     if settings.metres_per_unit > 0:
         settings.id_data.unit_settings.scale_length = settings.metres_per_unit
 
 
 def forget_scale(settings: bpy.types.PropertyGroup) -> None:
-    """The scale is not known any more: another solve has another one."""
+    """Forget the scale: another solve has another one."""
     if settings.metres_per_unit > 0:
         settings.metres_per_unit = 0.0
         settings.id_data.unit_settings.scale_length = 1.0

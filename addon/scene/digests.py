@@ -11,7 +11,7 @@ from .masks import DrawnMask
 
 
 def reconstruction_digest(reconstruction: Reconstruction) -> str:
-    """64 hexadecimal digits of cameras and points."""
+    """Return 64 hexadecimal digits of cameras and points."""
     digest = hashlib.sha256()
     digest.update(repr(reconstruction.cameras).encode())
     if not reconstruction.is_ordered:
@@ -27,7 +27,7 @@ def reconstruction_digest(reconstruction: Reconstruction) -> str:
 
 
 def drawn_digest(drawn: DrawnMask) -> str:
-    """64 hexadecimal digits of outlines and feathers of a mask that is drawn in Blender, over all frames."""
+    """Return 64 hexadecimal digits of the outlines and feathers of a drawn mask, over all frames."""
     digest = hashlib.sha256()
     for frame, layers in sorted(drawn.layers.items()):
         for layer in layers:

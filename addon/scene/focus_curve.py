@@ -52,7 +52,7 @@ def write(
 
 
 def value(settings: bpy.types.PropertyGroup, frame: int) -> float:
-    """The distance at a frame, of the curve that is there."""
+    """Return the distance at a frame, of the curve that is there."""
     curve = lens.keys_of(settings, "focus_distance")
     assert curve is not None
     return float(curve.evaluate(frame))

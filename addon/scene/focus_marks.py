@@ -124,14 +124,14 @@ class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
 
 
 def places_of(mark: bpy.types.PropertyGroup) -> tuple[Place, ...]:
-    """The places of a mark; of one without any, its bare distance."""
+    """Return the places of a mark; of one without any, its bare distance."""
     if not len(mark.places):
         return (Place(Focus(distance=mark.distance), mark.frame, mark.distance, "a distance"),)
     return tuple(map(_place, mark.places))
 
 
 def marks_of(settings: bpy.types.PropertyGroup) -> list[FocusMark]:
-    """The marks as the core sees them."""
+    """Return the marks as the core sees them."""
     return [FocusMark(mark.frame, places_of(mark), mark.easing == "SMOOTH") for mark in settings.marks.items]
 
 
@@ -186,12 +186,12 @@ def replace_all(settings: bpy.types.PropertyGroup, marks: Iterable[FocusMark]) -
 
 
 def at_frame(settings: bpy.types.PropertyGroup, frame: int) -> bpy.types.PropertyGroup | None:
-    """The mark at a frame."""
+    """Return the mark at a frame."""
     return next((mark for mark in settings.marks.items if mark.frame == frame), None)
 
 
 def on_distance(settings: bpy.types.PropertyGroup) -> None:
-    """The distance was set by hand: it takes the place of the only mark."""
+    """Replace the only mark by a distance that was set by hand."""
     group, distance = settings.marks, settings.focus_distance
     if len(group.items) != 1 or not distance > 0 or lens.has_keys(settings, "focus_distance"):
         return
@@ -231,7 +231,7 @@ def clear(settings: bpy.types.PropertyGroup) -> None:
 
 
 def are_keys_users(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether the focus distance has keys that no marks wrote, or that the user has edited since."""
+    """Return whether the focus distance has keys that no marks wrote, or that the user has edited since."""
     return lens.has_keys(settings, "focus_distance") and focus_curve.is_users(settings)
 
 
@@ -281,7 +281,7 @@ def write(settings: bpy.types.PropertyGroup) -> None:
 
 
 def unseen_of(settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark]) -> list[int]:
-    """Frames of the clip that do not show a mark that is followed there."""
+    """Return the frames of the clip that do not show a followed mark."""
     frames = range(settings.clip_first, settings.clip_last + 1)
     return unseen(marks, reconstruction_of(settings), frames) if marks else []
 

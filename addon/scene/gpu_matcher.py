@@ -49,10 +49,10 @@ _problem: str | None = None
 
 
 def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map) -> Winners:
-    """As `matching.winning_levels`, on the GPU where that is sure to give the same.
+    """Find depth levels on the GPU if it agrees with the processor; see `matching.winning_levels`.
 
-    One process sweeps on the GPU at a time, so that what is held there does not grow with processes; where
-    none gets its turn, or the GPU fails, the processor sweeps.
+    One process sweeps on the GPU at a time, which limits its memory; without a turn, or after a failure, the
+    processor sweeps.
     """
     given = picture, views, levels, guide, known
     if _sweeps():
@@ -70,7 +70,7 @@ def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide:
 
 
 def is_real() -> bool:
-    """Whether this process has a GPU context, and of a GPU rather than of a software renderer."""
+    """Return whether this process has a GPU context, and of a GPU rather than of a software renderer."""
     try:
         kind, name = gpu.platform.device_type_get(), gpu.platform.renderer_get().lower()
     except Exception:  # as above: there is no context in background mode before it is asked for

@@ -31,9 +31,12 @@ type Texture = gpu.types.GPUTexture
 
 
 def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map) -> Winners:
-    """As `matching.winning_levels`; passes checkpoints.
+    """Find depth levels on the GPU; see `matching.winning_levels`.
 
-    Needs a GPU context; RuntimeError or SystemError where the GPU cannot.
+    Passes checkpoints; needs a GPU context.
+
+    Raises:
+        RuntimeError, SystemError: The GPU cannot run the shaders.
     """
     sweep = _Sweep(picture, sorted(views, key=lambda view: view.side), levels, guide, known)
     return draw(sweep.steps(), sweep.count)
@@ -65,7 +68,7 @@ class _Sweep:
         return round((self.quads + 4) / 0.7)
 
     def steps(self) -> Steps[Winners]:
-        """Each ends by waiting for the GPU, so that none comes to a watchdog with the work of many.
+        """Return each ends by waiting for the GPU, so that none comes to a watchdog with the work of many.
 
         Between two of them another window's GPU context may become the active one: textures and shaders are
         shared by all of them, and framebuffers are made where they are used.

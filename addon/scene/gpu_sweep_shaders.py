@@ -311,7 +311,7 @@ PROGRAMS = {
 
 
 def compute(name: str, quads: int) -> gpu.types.GPUShader:
-    """One of `PROGRAMS`, compiled for so many layers of four levels."""
+    """Return one of `PROGRAMS`, compiled for a number of layers of four levels."""
     program, info = PROGRAMS[name], gpu.types.GPUShaderCreateInfo()
     for number in program.numbers:
         info.push_constant("INT", number)

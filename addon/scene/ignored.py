@@ -14,7 +14,7 @@ OURS = ("use_pass_combined", "use_pass_z", "use_pass_cryptomatte_accurate")
 
 
 def ignored(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """One readable line for each thing that the render ignores; none where nothing was solved.
+    """Return a line for each setting that the render ignores; none without a solve.
 
     The world behind the clip is not listed: nobody expects it of a filmed picture.
     """

@@ -60,7 +60,7 @@ def focus_of(settings: bpy.types.PropertyGroup) -> Focus:
 
 
 def focus_of_settings(settings: bpy.types.PropertyGroup) -> Focus:
-    """The focus that the settings describe.
+    """Return the focus that the settings describe.
 
     Without picked points the distance counts, whichever is active.
     """
@@ -86,7 +86,7 @@ def focal_of(settings: bpy.types.PropertyGroup) -> Focal | None:
 
 
 def frame_options(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> FrameOptions:
-    """The lens that the settings describe; UserError where they mean nothing."""
+    """Return the lens that the settings describe; UserError where they mean nothing."""
     blender_focus.check(settings)
     return FrameOptions(
         focus_of(settings), radius_of(settings, reconstruction), aperture=settings.shape.aperture,
@@ -133,7 +133,7 @@ def has_keys(settings: bpy.types.PropertyGroup, name: str) -> bool:
 
 
 def keys_of(settings: bpy.types.PropertyGroup, name: str) -> bpy.types.FCurve | None:
-    """The keys of a property; None where it has none."""
+    """Return the keys of a property; None where it has none."""
     bag = channels_of(settings)
     return None if bag is None else bag.fcurves.find(settings.path_from_id(name))
 
@@ -183,7 +183,7 @@ def clear_points(settings: bpy.types.PropertyGroup) -> None:
 
 
 def reset(settings: bpy.types.PropertyGroup, frame: int) -> None:
-    """Nothing is in focus and the blur counts: a new solve has other points and another scale."""
+    """Reset the lens for a new solve, with other points and another scale: no focus, and the blur counts."""
     with writing():
         settings.focus_points.clear()
         settings.focus_by = "POINTS"
@@ -228,16 +228,16 @@ def on_radius(settings: bpy.types.PropertyGroup) -> None:
 
 
 def on_distance(settings: bpy.types.PropertyGroup) -> None:
-    """The distance was edited: it becomes what is in focus."""
+    """Focus at an edited distance."""
     settings.focus_by = "DISTANCE" if settings.focus_distance > 0 else "POINTS"
     on_focus(settings)
 
 
 def on_focus(settings: bpy.types.PropertyGroup) -> None:
-    """The focus was moved by hand: the aperture stays, and is chosen where it was not.
+    """Keep the aperture after the focus was moved by hand, and choose one where there was none.
 
-    While a first distance is dragged to its place, which takes many edits, the blur is kept and the radius
-    follows; at another frame it is a pull, and the lens stays the same.
+    While a first distance is dragged, in many edits, the blur is kept and the radius follows; at another
+    frame the edit is a pull, and the lens is unchanged.
     """
     frame = _frame(settings)
     chosen = settings.aperture_radius > 0
@@ -286,7 +286,7 @@ def _blur_at(settings: bpy.types.PropertyGroup, frame: int) -> float | None:
 
 
 def _is_as_shown(typed: float, now: float) -> bool:
-    """Whether a number is the present blur as a field shows it, rounded or to the last digit."""
+    """Return whether a number is the present blur as a field shows it, rounded or to the last digit."""
     return any(
         np.float32(typed) == np.float32(each)
         for each in (now, *(round(now, digits) for digits in range(BLUR_DIGITS, EDITED_DIGITS + 1)))
@@ -316,7 +316,7 @@ def _frame(settings: bpy.types.PropertyGroup) -> int:
 
 
 def registered(reconstruction: Reconstruction, frame: int) -> int:
-    """The registered frame that is nearest; UserError where there is none."""
+    """Return the registered frame that is nearest; UserError where there is none."""
     frames = reconstruction.frames
     if not len(frames):
         raise UserError("the solve has no frames with a camera; solve the clip again")

@@ -97,7 +97,7 @@ def layers_of(mask: bpy.types.Mask) -> tuple[Layer, ...]:
 
 
 def follows_tracks(mask: bpy.types.Mask) -> bool:
-    """Whether points of the mask have tracks for parents, which are ignored."""
+    """Return whether points of the mask have tracks for parents, which are ignored."""
     points = (point for layer in mask.layers for spline in layer.splines for point in spline.points)
     return any(point.parent.id is not None for point in points)
 

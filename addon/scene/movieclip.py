@@ -54,7 +54,7 @@ class _Track:
 
 
 def read_movie_clip(clip: bpy.types.MovieClip, footage: Footage) -> Imported:
-    """The camera solve of a movie clip, in Blender's units and with the lens as it was solved.
+    """Return the camera solve of a movie clip, in Blender's units and with the lens as it was solved.
 
     Frames are matched with the footage's own: of a video by their place in it, of a sequence by the numbers
     of its files, whatever the clip's start frame in a scene is. The world is that of the solve, where the

@@ -15,7 +15,7 @@ Update = Callable[[Any, bpy.types.Context], None]
 
 
 def property_of(option: Option, update: Update | None = None) -> Any:
-    """The Blender property that holds an option, for a class's annotations."""
+    """Return the Blender property that holds an option, for a class's annotations."""
     arguments: dict[str, Any] = {"name": option.label, "description": option.help, "default": option.initial}
     if update is not None:
         arguments["update"] = update
@@ -38,7 +38,7 @@ def property_of(option: Option, update: Update | None = None) -> Any:
 def with_options(
     options: Mapping[str, Option], update: Update | None = None, updating: Iterable[str] | None = None
 ) -> Callable[[type], type]:
-    """A class decorator that adds a property for each option by its name.
+    """Return a class decorator that adds a property for each option by its name.
 
     `update` is called when those named in `updating` change, by default all.
     """

@@ -27,7 +27,7 @@ class VirtualAperturePasses(bpy.types.PropertyGroup):
 
 
 def wanted(layer: bpy.types.ViewLayer) -> tuple[str, ...]:
-    """Names of the passes besides Combined that a view layer asks for, of those that we render."""
+    """Return the names of our passes besides Combined that a view layer has enabled."""
     ours = layer.virtual_aperture_passes
     switches = {
         DEPTH: layer.use_pass_z,

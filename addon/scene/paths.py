@@ -34,9 +34,9 @@ def absolute(path: str, owner: bpy.types.ID | None = None) -> Path:
 
 
 def relative(path: str | Path, folder: Path | None = None) -> str:
-    """A path as a .blend in a folder keeps it: with // for that folder, which by default is this .blend's.
+    """Return a path as a .blend in a folder stores it, with // for the folder, by default this .blend's.
 
-    As it is where it cannot be relative: on another drive, or in a .blend that was never saved.
+    It is unchanged if it cannot be relative: on another drive, or in an unsaved .blend.
     """
     text, here = str(path), bpy.data.filepath
     if folder is None:
@@ -55,7 +55,7 @@ def relative(path: str | Path, folder: Path | None = None) -> str:
 
 
 def own_file(owner: bpy.types.ID) -> Path | None:
-    """The .blend that something lies in, which is another one where it is linked; None while not saved."""
+    """Return the .blend of a datablock, which is another one if it is linked; None while unsaved."""
     file = bpy.path.abspath(owner.library.filepath) if owner.library is not None else bpy.data.filepath
     return Path(file) if file else None
 

@@ -8,7 +8,7 @@ import bpy
 
 
 def areas() -> Iterator[bpy.types.Area]:
-    """The areas of all windows; none in the background."""
+    """Yield the areas of all windows; none in the background."""
     for window in bpy.context.window_manager.windows:
         yield from window.screen.areas
 

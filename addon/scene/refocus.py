@@ -38,7 +38,7 @@ class KeptFocus:
 
 
 def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | None:
-    """The scene's focus and scale; None where there is neither, or the scene's solve is of another clip."""
+    """Return the scene's focus and scale; None without any, or if its solve is of another clip."""
     if settings.points is None or not is_clip(clip, settings.clip_identity):
         return None
     focus = Focus(

@@ -41,7 +41,7 @@ class _Sight:
 
 
 def cameras_of(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """The scene's cameras but the one made for its clip, its active one first."""
+    """Return the scene's cameras but the one made for its clip, its active one first."""
     own = scene.virtual_aperture.camera
     found = [thing for thing in scene.objects if thing.type == "CAMERA" and thing != own]
     return sorted(found, key=lambda thing: (thing != scene.camera, thing.name))
@@ -50,7 +50,7 @@ def cameras_of(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 def read_scene_camera(
     scene: bpy.types.Scene, camera: bpy.types.Object, footage: Footage, offset: int = 0
 ) -> Imported:
-    """The camera at every frame of the clip, in the scene's own unit and world; points are not known.
+    """Return the camera at every frame of the clip, in the scene's own unit and world; points are not known.
 
     The clip's frame f has the scene's frame f + `offset`. Frames around those of the clip are among the
     images, too. UserError for a camera that is no perspective one, that is mirrored or skewed, or that

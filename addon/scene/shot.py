@@ -115,7 +115,7 @@ class Shot:
         )  # fmt: skip
 
     def with_subjects(self, marked: tuple[MarkedSubject, ...]) -> Shot:
-        """The shot with others marked."""
+        """Return the shot with others marked."""
         return replace(self, subjects=marked, filmed=self._filmed, found=self._found)
 
     def apart(self) -> Shot:
@@ -138,14 +138,14 @@ class Shot:
         return self._filmed.masked if self.masks or self.drawn else None
 
     def size(self, frame: int) -> tuple[int, int]:
-        """(width, height) in pixels of a frame's picture; UserError for a photo without a camera."""
+        """Return (width, height) in pixels of a frame's picture; UserError for a photo without a camera."""
         if not self.footage.is_stills:
             return self.footage.width, self.footage.height
         camera = self.context.canvas(frame).camera
         return camera.width, camera.height
 
     def frame_at(self, frame: int) -> int:
-        """The clip's frame for a scene frame: in a gap, and past the ends, the nearest one before."""
+        """Return the clip's frame for a scene frame: in a gap, and past the ends, the nearest one before."""
         frames = np.array(self.footage.frames)
         return int(frames[max(0, int(np.searchsorted(frames, frame, side="right")) - 1)])
 
@@ -215,7 +215,7 @@ _read: tuple[str, Reconstruction] | None = None
 
 
 def shot_of(scene: bpy.types.Scene) -> Shot:
-    """The scene's shot; UserError naming what is missing."""
+    """Return the scene's shot; UserError naming what is missing."""
     global _last
     settings = scene.virtual_aperture
     mesh = points_mesh(settings)
@@ -253,7 +253,7 @@ def _was_redrawn(shot: Shot, mask: bpy.types.Mask | None, frame: int) -> bool:
 
 
 def reconstruction_of(settings: bpy.types.PropertyGroup) -> Reconstruction:
-    """The reconstruction alone, for which the footage need not be there."""
+    """Return the reconstruction alone, for which the footage need not be there."""
     global _read
     mesh = points_mesh(settings)
     if _last is not None and _last[0][0] == str(mesh.get(IDENTITY)):
@@ -283,7 +283,7 @@ def picture_size(scene: bpy.types.Scene) -> tuple[int, int]:
 
 
 def points_mesh(settings: bpy.types.PropertyGroup) -> bpy.types.Mesh:
-    """The mesh of the point cloud; UserError where the scene has none, or a newer version made it."""
+    """Return the mesh of the point cloud; UserError where the scene has none, or a newer version made it."""
     version.check(settings)
     if settings.points is None or settings.points.type != "MESH":
         raise UserError("the scene has no solved clip; choose a clip and solve it first")

@@ -18,7 +18,7 @@ SOUND = "Virtual Aperture Sound"
 
 
 def clip_sounds(scene: bpy.types.Scene) -> list[bpy.types.SoundStrip]:
-    """The strips of the clip's sound."""
+    """Return the strips of the clip's sound."""
     editor = scene.sequence_editor
     return [s for s in editor.strips if s.name.startswith(SOUND)] if editor is not None else []
 
@@ -62,7 +62,7 @@ def move_sound(strip: bpy.types.SoundStrip, footage: Footage) -> None:
 
 @contextmanager
 def sound_file(sound: bpy.types.Sound) -> Iterator[Path]:
-    """The file of a sound, within it also that of one that is packed into the .blend."""
+    """Yield the file of a sound, within it also that of one that is packed into the .blend."""
     if sound.packed_file is None:
         yield Path(bpy.path.abspath(sound.filepath))
         return
@@ -76,7 +76,7 @@ def sound_file(sound: bpy.types.Sound) -> Iterator[Path]:
 
 
 def sound_frame(footage: Footage) -> int:
-    """The frame of the timeline at which a clip's sound begins.
+    """Return the frame of the timeline at which a clip's sound begins.
 
     Strips lie at whole frames.
 

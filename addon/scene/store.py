@@ -53,12 +53,12 @@ def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
 
 
 def is_ordered(mesh: bpy.types.Mesh) -> bool:
-    """Whether a mesh that keeps a reconstruction keeps a clip's, not one of photos in no order."""
+    """Return whether a mesh that keeps a reconstruction keeps a clip's, not one of photos in no order."""
     return bool(mesh.get(IS_ORDERED, True))
 
 
 def read(mesh: bpy.types.Mesh) -> Reconstruction:
-    """The reconstruction kept in a mesh; UserError if there is none or a newer version wrote it."""
+    """Return the reconstruction kept in a mesh; UserError if there is none or a newer version wrote it."""
     version = mesh.get(PREFIX + "version")
     if version is None:
         raise UserError(f"the mesh {mesh.name!r} holds no solve; solve the clip or import a solve of it")

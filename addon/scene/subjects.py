@@ -76,13 +76,13 @@ class VirtualApertureSubjects(bpy.types.PropertyGroup):
 
 
 def marked_of(settings: bpy.types.PropertyGroup) -> tuple[MarkedSubject, ...]:
-    """The subjects as the core takes them; those without a stroke that adds are left out."""
+    """Return the subjects as the core takes them; those without a stroke that adds are left out."""
     found = (MarkedSubject(each.name, strokes_of(each)) for each in settings.subjects.items)
     return tuple(each for each in found if any(stroke.adds for stroke in each.strokes))
 
 
 def strokes_of(subject: bpy.types.PropertyGroup) -> tuple[Stroke, ...]:
-    """The strokes of a subject as the core takes them."""
+    """Return the strokes of a subject as the core takes them."""
     return tuple(
         Stroke(stroke.frame, tuple((float(p.xy[0]), float(p.xy[1])) for p in stroke.places), stroke.adds)
         for stroke in subject.strokes

@@ -12,11 +12,15 @@ NEWER = "this scene was made with a newer Virtual Aperture; update the extension
 
 
 def is_newer(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether a newer version made the scene, so that its settings may mean something else."""
+    """Return whether a newer version made the scene, so that its settings may mean something else."""
     return bool(settings.version > VERSION)
 
 
 def check(settings: bpy.types.PropertyGroup) -> None:
-    """UserError where a newer version made the scene."""
+    """Check the version of a scene.
+
+    Raises:
+        UserError: A newer version made it.
+    """
     if is_newer(settings):
         raise UserError(NEWER)

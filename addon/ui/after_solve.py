@@ -39,7 +39,7 @@ def show(scene: bpy.types.Scene, reconstruction: Reconstruction) -> None:
 
 
 def look_through_camera(window: bpy.types.Window) -> None:
-    """Every 3D viewport of a window looks through the scene's camera, and shows all of its frame."""
+    """Show the scene's camera view, with all of its frame, in every 3D viewport of a window."""
     for area in window.screen.areas:
         if area.type != "VIEW_3D" or area.spaces.active.region_3d is None:
             continue
@@ -73,7 +73,7 @@ def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
 
 
 def make_active(points: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
-    """Nothing is selected and the point cloud is active: Tab edits it. Not while something else is edited."""
+    """Deselect all and make the point cloud active, so that Tab edits it, unless something is edited."""
     active = layer.objects.active
     if points.name not in layer.objects or (active is not None and active.mode != "OBJECT"):
         return
@@ -112,7 +112,7 @@ def _is_placed(thing: bpy.types.Object) -> bool:
 
 
 def holds(thing: bpy.types.Object, places: Floats) -> bool:
-    """Whether any of the places (n, 3) in the world lies in the object's bounding box."""
+    """Return whether any of the places (n, 3) in the world lies in the object's bounding box."""
     try:
         to_local = np.array(thing.matrix_world.inverted())
     except ValueError:

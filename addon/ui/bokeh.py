@@ -27,7 +27,7 @@ _previews: Any = None
 
 
 def icon(aperture: Aperture) -> int:
-    """The icon of an aperture, 0 where nobody sees it; made in some 10 ms, once."""
+    """Return the icon of an aperture, 0 where nobody sees it; made in some 10 ms, once."""
     if _previews is None:
         return 0
     key = repr(aperture)
@@ -41,7 +41,7 @@ def icon(aperture: Aperture) -> int:
 
 
 def pixels(aperture: Aperture) -> Any:
-    """SIDE * SIDE * 4 display values, bottom row first."""
+    """Return SIDE * SIDE * 4 display values, bottom row first."""
     made = np.ones((SIDE, SIDE, 4), np.float32)
     made[..., :3] = encode_srgb(bokeh_picture(aperture, SIDE))[::-1]
     return made.ravel()
@@ -57,7 +57,7 @@ def preset_icon(file: Path) -> int:
 
 
 def preset_aperture(file: Path) -> Aperture:
-    """The aperture that a preset sets, which is read and not run.
+    """Return the aperture that a preset sets, which is read and not run.
 
     Raises OSError, SyntaxError, ValueError, TypeError and UserError for a file that is none.
     """

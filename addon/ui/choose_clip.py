@@ -59,9 +59,10 @@ class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, bpy.types.Operator):  # noqa: 
 
 
 def clip_of(chosen: Path) -> Path:
-    """The clip that a chosen file or folder means: of a picture, its sequence, as a pattern (shot_####.png).
+    """Return the clip of a chosen file or folder: for a picture its sequence as a pattern.
 
-    UserError where nothing is there, or the picture's name has no number.
+    Raises:
+        UserError: Nothing is there, or the picture's name has no number.
     """
     if not chosen.exists():
         raise UserError(f"{chosen} does not exist; choose a video, an image of a sequence or a folder")
@@ -77,7 +78,7 @@ def clip_of(chosen: Path) -> Path:
 
 
 def relative(path: str) -> str:
-    """A path relative to the .blend, which must have been saved; as it was where it lies on another drive."""
+    """Return a path relative to the saved .blend; unchanged on another drive."""
     try:
         return str(bpy.path.relpath(path))
     except ValueError:

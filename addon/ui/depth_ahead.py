@@ -96,7 +96,7 @@ def stop() -> None:
 
 
 def give_way() -> Path | None:
-    """`stop` for work that takes all processors, too; the folder for `begin_after_solve` to go on with."""
+    """Call `stop` for work that needs all processors; returns the folder for `begin_after_solve`."""
     if _ahead is None or not _ahead.is_running:
         return None
     work = _ahead.work
@@ -105,7 +105,7 @@ def give_way() -> Path | None:
 
 
 def pause() -> None:
-    """`stop` by the user's wish: it does not go on when the file is opened again."""
+    """Call `stop` for the user: it does not continue when the file is opened again."""
     if _ahead is not None:
         _remember(_ahead.work, False)
     stop()
@@ -208,7 +208,7 @@ class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
 
 
 def draw_progress(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> bool:
-    """How far it is, with a button to pause it; whether it is under way."""
+    """Draw the progress with a button to pause; returns whether work is in progress."""
     found = of(settings)
     if found is None or not found.is_running:
         return False
@@ -219,7 +219,7 @@ def draw_progress(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup)
 
 
 def draw(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """How far it is, with a button to pause it, or the button to begin."""
+    """Draw the progress with a button to pause, or the button to begin."""
     if draw_progress(layout, settings):
         return
     found = of(settings)

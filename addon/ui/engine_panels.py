@@ -69,7 +69,7 @@ _joined: list[type[bpy.types.Panel]] = []
 
 
 def panels() -> list[type[bpy.types.Panel]]:
-    """Blender's panels that our engine has a use for."""
+    """Return Blender's panels that apply to our engine."""
     return [panel for panel in bpy.types.Panel.__subclasses__() if _is_useful(panel)]
 
 

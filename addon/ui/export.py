@@ -57,7 +57,7 @@ _export: ExportJob | None = None
 
 
 def under_way() -> ExportJob | None:
-    """The export that is being written."""
+    """Return the export that is being written."""
     return _export if _export is not None and _export.is_running else None
 
 

@@ -148,12 +148,12 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
 
 
 def loses_focus(settings: bpy.types.PropertyGroup, clip: Path) -> bool:
-    """Whether the scene holds the solve of another clip, with a focus that a new solve would not keep."""
+    """Return whether a new solve would lose the scene's focus, which is of another clip."""
     return settings.points is not None and is_in_focus(settings) and not is_clip(clip, settings.clip_identity)
 
 
 def folder_for(settings: bpy.types.PropertyGroup, clip: Path) -> str:
-    """The working folder that is set; none where that keeps the solve of another clip than this."""
+    """Return the working folder that is set; none where that keeps the solve of another clip than this."""
     if not settings.work_dir:
         return ""
     folder = work_dir(settings, clip)

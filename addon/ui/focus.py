@@ -112,7 +112,7 @@ class VIRTUAL_APERTURE_OT_clear_focus(bpy.types.Operator):  # noqa: N801
 
 
 def selected_points(points: bpy.types.Object) -> list[int]:
-    """IDs of the vertices that are selected in Edit Mode."""
+    """Return the IDs of the vertices that are selected in Edit Mode."""
     vertices = bmesh.from_edit_mesh(points.data).verts
     # Attribute arrays are empty while a mesh is edited: the IDs are in the edit mesh's own layer.
     layer = vertices.layers.int[ID_ATTRIBUTE]

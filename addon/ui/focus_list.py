@@ -175,7 +175,7 @@ class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
 
 
 def unseen_frames(settings: bpy.types.PropertyGroup) -> list[int]:
-    """Frames that do not show what is in focus there."""
+    """Return the frames of a mark that do not show its focus."""
     return [int(frame) for frame in settings.marks.unseen.split()]
 
 
@@ -199,7 +199,7 @@ class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """The list, what can be done with it, and the active mark's frame and easing."""
+    """Draw the list, its operators, and the active mark's frame and easing."""
     settings = context.scene.virtual_aperture
     group = settings.marks
     row = layout.row()

@@ -74,7 +74,7 @@ class Strip:
 
     @classmethod
     def over(cls, low: float, high: float, bottom: float, scale: float, scene: bpy.types.Scene) -> Strip:
-        """The strip of a scene's marks between two pixels."""
+        """Return the strip of a scene's marks between two pixels."""
         margin = (EDGE + SIDE / 2) * scale
         left, right = low + margin, max(high - margin, low + margin + 1)
         frames = tuple(mark.frame for mark in scene.virtual_aperture.marks.items)
@@ -98,17 +98,17 @@ class Strip:
         return self.thumbnails + (SIDE + EDGE) * self.scale
 
     def place_of(self, frame: int) -> float:
-        """Across, where a frame is on the track; of one outside of the scene's frames, the track's end."""
+        """Return the position of a frame on the track; frames outside of the scene's are at its ends."""
         share = (frame - self.first) / max(self.last - self.first, 1)
         return self.left + float(np.clip(share, 0, 1)) * (self.right - self.left)
 
     def frame_at(self, x: float) -> int:
-        """The frame of the scene that is nearest to a place."""
+        """Return the frame of the scene that is nearest to a place."""
         share = float(np.clip((x - self.left) / (self.right - self.left), 0, 1))
         return self.first + round(share * (self.last - self.first))
 
     def mark_at(self, x: float, y: float) -> int | None:
-        """The number of the mark whose thumbnail, or what is written below it, is at a place."""
+        """Return the number of the mark whose thumbnail, or what is written below it, is at a place."""
         if not (len(self.frames) and self.track + TRACK * self.scale <= y <= self.top):
             return None
         away = np.abs(self.middles - x)
@@ -227,13 +227,13 @@ class VIRTUAL_APERTURE_GT_focus_strip(bpy.types.Gizmo):  # noqa: N801
     bl_idname = "VIRTUAL_APERTURE_GT_focus_strip"
 
     def setup(self) -> None:
-        """Nothing to prepare; Blender asks for it."""
+        """Prepare nothing; Blender requires this method."""
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Nothing: see `_draw`."""
+        """Draw nothing: see `_draw`."""
 
     def test_select(self, context: bpy.types.Context, location: Sequence[int]) -> int:
-        """0 over a thumbnail, else -1."""
+        """Return 0 over a thumbnail, else -1."""
         strip = strip_of(context)
         return 0 if strip is not None and strip.mark_at(*location) is not None else -1
 

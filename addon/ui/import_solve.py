@@ -57,7 +57,7 @@ class Import:
         raise NotImplementedError
 
     def clip_of(self, settings: Any) -> Path:
-        """The clip that it is of; UserError where there is none."""
+        """Return the clip that it is of; UserError where there is none."""
         if not settings.footage:
             raise UserError("no clip has been chosen; choose the clip first, then import its solve")
         return footage_path(settings)
@@ -192,7 +192,7 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
 
 
 def recorded(filepath: str) -> Path | None:
-    """The clip that a phone's recording brings with it; None of another file."""
+    """Return the clip that a phone's recording brings with it; None of another file."""
     return recorded_clip(_model_path(filepath)) if filepath else None
 
 
@@ -203,7 +203,7 @@ def _model_path(filepath: str) -> Path:
 
 
 def read_model(filepath: str, footage: Footage) -> Imported:
-    """The model in a file or folder; UserError where there is none, or it is not of this clip."""
+    """Return the model in a file or folder; UserError where there is none, or it is not of this clip."""
     if not filepath:
         raise UserError("no model has been chosen; choose its file, or the folder of a COLMAP model")
     path = _model_path(filepath)
@@ -215,7 +215,7 @@ def read_model(filepath: str, footage: Footage) -> Imported:
 
 
 def solved_clips() -> list[bpy.types.MovieClip]:
-    """The movie clips of this file whose camera is solved."""
+    """Return the movie clips of this file whose camera is solved."""
     return [
         clip
         for clip in bpy.data.movieclips

@@ -86,7 +86,7 @@ class VIRTUAL_APERTURE_PT_lens_presets(PresetPanel, bpy.types.Panel):  # noqa: N
     preset_add_operator = VIRTUAL_APERTURE_OT_add_lens_preset.bl_idname
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """As Blender draws presets, with the picture of each aperture."""
+        """Draw presets like Blender, with the picture of each aperture."""
         layout = self.layout
         layout.emboss = "PULLDOWN_MENU"
         layout.operator_context = "EXEC_DEFAULT"
@@ -115,7 +115,7 @@ class VIRTUAL_APERTURE_PT_lens_presets(PresetPanel, bpy.types.Panel):  # noqa: N
 
 
 def preset_files() -> list[Path]:
-    """The presets that are there, shipped ones and the user's."""
+    """Return the presets that are there, shipped ones and the user's."""
     folders = map(Path, bpy.utils.preset_paths(VIRTUAL_APERTURE_PT_lens_presets.preset_subdir))
     return [file for folder in folders for file in folder.glob("*.py") if not file.name.startswith(".")]
 
@@ -127,7 +127,7 @@ def _by_number(name: str) -> list[tuple[int, str]]:
 
 
 def draw_button(layout: bpy.types.UILayout) -> None:
-    """The button in a panel's header that lists the presets."""
+    """Draw the button in a panel's header that lists the presets."""
     VIRTUAL_APERTURE_PT_lens_presets.draw_panel_header(layout)
 
 

@@ -105,7 +105,7 @@ def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieJob:
 
 
 def under_way() -> MovieJob | None:
-    """The movie that is being rendered."""
+    """Return the movie that is being rendered."""
     return _movie if _movie is not None and _movie.is_running else None
 
 

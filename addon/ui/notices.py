@@ -17,7 +17,7 @@ from .text import wrapped
 
 
 def draw_scene(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """The scene cannot be changed, or lacks objects of its solve: and the way out."""
+    """Draw a warning that the scene cannot be changed, or lacks objects, with the way out."""
     try:
         check_may_change(context.scene)
     except UserError as error:
@@ -63,7 +63,7 @@ def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Why the clip's depth could not be found, or what in it is not sure: and the way out."""
+    """Draw a warning that depth was not found, or is not sure, with the way out."""
     settings = context.scene.virtual_aperture
     found = depth_ahead.of(settings)
     if found is None:

@@ -59,7 +59,7 @@ def check_may_change(scene: bpy.types.Scene) -> None:
 
 
 def sentence(text: str) -> str:
-    """A message as a button's or a panel's text begins."""
+    """Return a message as a button's or a panel's text begins."""
     return text[0].upper() + text[1:]
 
 
@@ -116,7 +116,7 @@ def refused(error: RuntimeError) -> UserError:
 def reported(
     execute: Callable[[Any, bpy.types.Context], Result],
 ) -> Callable[[Any, bpy.types.Context], Result]:
-    """A UserError becomes the operator's error report, which scripts see as RuntimeError."""
+    """Return a UserError becomes the operator's error report, which scripts see as RuntimeError."""
 
     def wrapped(self: Any, context: bpy.types.Context) -> Result:
         try:
@@ -129,7 +129,7 @@ def reported(
 
 
 def is_kept(settings: Any) -> bool:
-    """Whether the clip's working folder keeps a solve or an import; for drawing, so nothing is read."""
+    """Return whether the working folder has a solve or an import; fast enough for drawing."""
     return bool(settings.footage) and (work_dir(settings, footage_path(settings)) / STATE).exists()
 
 
@@ -240,7 +240,7 @@ class Solves:
         )
 
     def solve_now(self, context: bpy.types.Context) -> Result:
-        """Solve, and wait for it; UserError as the core's."""
+        """Solve, and wait for the result; UserError as the core's."""
         solving = self._process = self._start(context)
         try:
             while not solving.finished:
@@ -377,7 +377,7 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
 
 
 def running_solve() -> Solving | None:
-    """The solve that is under way in this Blender."""
+    """Return the solve that is under way in this Blender."""
     running = VIRTUAL_APERTURE_OT_solve._running
     return None if running is None or running.ended else running
 

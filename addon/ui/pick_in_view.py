@@ -36,7 +36,7 @@ class PicksInView:
         raise NotImplementedError
 
     def begun(self, context: bpy.types.Context) -> None:
-        """The overlay is drawn from now on."""
+        """Draw the overlay from now on."""
         raise NotImplementedError
 
     def on_event(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:

@@ -41,7 +41,7 @@ class PicksPlaces(PicksInView):
     """The picks."""
 
     def took(self, context: bpy.types.Context, place: Place, shift: bool) -> Result:
-        """A place was picked."""
+        """Return a place was picked."""
         raise NotImplementedError
 
     def search(self, finder: PlaceFinder, at: XY) -> Callable[[], Place]:

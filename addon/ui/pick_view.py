@@ -73,7 +73,7 @@ class CameraView:
         return bool(self.area.spaces.active.region_3d.view_perspective == "CAMERA")
 
     def holds(self, event: bpy.types.Event) -> bool:
-        """Whether the mouse is over the view, and not over a sidebar or header in it."""
+        """Return whether the mouse is over the view, and not over a sidebar or header in it."""
         at = event.mouse_x, event.mouse_y
         others = (region for region in self.area.regions if region.type != "WINDOW")
         return _within(self.region, at) and not any(_within(region, at) for region in others)
@@ -89,7 +89,7 @@ class CameraView:
         return (x, y) if 0 <= x <= 1 and 0 <= y <= 1 else None
 
     def pixels(self, scene: bpy.types.Scene, places: Sequence[Sequence[float]]) -> list[XY]:
-        """Pixels of the region, (0, 0) bottom left, of fractions of the picture."""
+        """Return pixels of the region, (0, 0) bottom left, for fractions of the picture."""
         frame = self._frame(scene)
         if frame is None:
             return []
@@ -97,7 +97,7 @@ class CameraView:
         return [(left + x * (right - left), top - y * (top - bottom)) for x, y in places]
 
     def right_border(self) -> float:
-        """Pixels of the region up to the sidebar, which may lie over it."""
+        """Return the pixels of the region up to the sidebar, which may overlap it."""
         sidebars = (region for region in self.area.regions if region.type == "UI" and region.width > 1)
         return float(min([self.region.width, *(region.x - self.region.x for region in sidebars)]))
 
@@ -208,7 +208,7 @@ class Overlay:
 
 
 def tinted(mask: Mask) -> np.ndarray:
-    """(h, w, 4) float32, premultiplied: the tint inside a mask (h, w), stronger on its outline."""
+    """Return (h, w, 4) float32, premultiplied: the tint inside a mask (h, w), stronger on its outline."""
     inside = mask.astype(np.uint8)
     rim = inside - cv2.erode(inside, np.ones((3, 3), np.uint8), borderValue=0)
     alpha = np.where(rim > 0, OUTLINE, INSIDE * inside).astype(np.float32)
@@ -216,13 +216,13 @@ def tinted(mask: Mask) -> np.ndarray:
 
 
 def ring(middle: XY, radius: float) -> Floats:
-    """(n, 2) a closed circle in pixels."""
+    """Return (n, 2) a closed circle in pixels."""
     turn = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
     return np.column_stack([np.cos(turn), np.sin(turn)]) * radius + middle
 
 
 def line(places: Sequence[Sequence[float]] | Floats, colour: tuple[float, ...], width: float) -> None:
-    """A line through pixels (n, 2) of the region with a dark rim, that shows on any picture."""
+    """Draw a line through pixels (n, 2) of the region, with a dark rim that shows on any picture."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 

@@ -35,7 +35,7 @@ _batches: tuple[Any, Any, Any] | None = None
 
 
 def places_and_colours(mesh: bpy.types.Mesh) -> tuple[NDArray[np.float32], Colours]:
-    """(n, 3) vertices and (n, 4) their colours, display encoded; white where they have none."""
+    """Return (n, 3) vertices and (n, 4) their colours, display encoded; white where they have none."""
     count = len(mesh.vertices)
     places, colours = np.zeros((count, 3), np.float32), np.ones((count, 4), np.float32)
     mesh.vertices.foreach_get("co", places.ravel())
@@ -46,7 +46,7 @@ def places_and_colours(mesh: bpy.types.Mesh) -> tuple[NDArray[np.float32], Colou
 
 
 def picked_vertices(mesh: bpy.types.Mesh, points: tuple[int, ...]) -> NDArray[np.bool_]:
-    """(n,) which vertices are the points with these IDs."""
+    """Return (n,) which vertices are the points with these IDs."""
     ids = np.arange(len(mesh.vertices), dtype=np.int32)
     attribute = mesh.attributes.get(ID_ATTRIBUTE)
     if attribute is not None and len(attribute.data) == len(ids):

@@ -111,7 +111,7 @@ _sizes: dict[Path, tuple[float, int]] = {}
 
 
 def shown_size(settings: bpy.types.PropertyGroup) -> int:
-    """Bytes of the depth that is kept for the chosen clip, as of some seconds ago."""
+    """Return the bytes of the chosen clip's kept depth, updated every few seconds."""
     folder = depth_folder(settings)
     when, size = _sizes.get(folder, (-LOOK_AGAIN, 0))
     if time.monotonic() - when >= LOOK_AGAIN:
@@ -121,7 +121,7 @@ def shown_size(settings: bpy.types.PropertyGroup) -> int:
 
 
 def size_words(size: int) -> str:
-    """Bytes for people."""
+    """Return a number of bytes in words."""
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.1f} MB"
 
 

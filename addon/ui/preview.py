@@ -44,7 +44,7 @@ class VIRTUAL_APERTURE_OT_preview(bpy.types.Operator):  # noqa: N801
 
 
 def viewport_of(context: bpy.types.Context) -> Any:
-    """The 3D viewport that a context is in, or the first one of its window; None where there is none."""
+    """Return the 3D viewport of a context, or the first one of its window; None without one."""
     if isinstance(context.space_data, bpy.types.SpaceView3D):
         return context.space_data
     areas = context.screen.areas if context.screen is not None else ()

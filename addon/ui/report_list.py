@@ -33,7 +33,7 @@ class VIRTUAL_APERTURE_OT_jump_to_frame(bpy.types.Operator):  # noqa: N801
 
 
 def next_of(frames: Sequence[int], now: int) -> int:
-    """The first of the frames after the present one, else the first of all."""
+    """Return the first of the frames after the present one, else the first of all."""
     return next((frame for frame in frames if frame > now), frames[0])
 
 

@@ -36,7 +36,7 @@ class Solving:
         return self.process.sight if self.process is not None else None
 
     def poll(self) -> list[SolveProgress]:
-        """As `SolveProcess.poll`; also raises what opening the clip raised."""
+        """Return `SolveProcess.poll`; also raises errors of opening the clip."""
         if not self._opening.ended():
             return [self.step]
         if self.process is None:

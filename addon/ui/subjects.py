@@ -144,7 +144,7 @@ class VIRTUAL_APERTURE_OT_remove_subject(OfActive, bpy.types.Operator):  # noqa:
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """The list, what can be done with it, and where the active subject is unsure."""
+    """Draw the list, its operators, and the frames in which the active subject is unsure."""
     settings = context.scene.virtual_aperture
     group = settings.subjects
     layout.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, icon="BRUSH_DATA")

@@ -32,7 +32,7 @@ def wrapped(
 
 
 def width_of(context: bpy.types.Context) -> float:
-    """Pixels across that a panel's text has; that of a default sidebar where nothing is drawn."""
+    """Return the width of a panel's text in pixels; that of a default sidebar without a region."""
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region is not None else 280 * scale
     return float(max(width - MARGIN * scale, 1))
@@ -57,7 +57,7 @@ def progress_row(
     icon: str = "X",
     hint: str = "",
 ) -> None:
-    """How far a job is, the operator that stops it, and below it the seconds left with a hint."""
+    """Draw the progress of a job, the operator that stops it, and the seconds left with a hint."""
     row = layout.row(align=True)
     row.progress(factor=share, text=words)
     if stop:

@@ -34,7 +34,7 @@ _wanted: dict[str, tuple[str, int, float, float]] = {}
 
 
 def icon(settings: bpy.types.PropertyGroup, mark: bpy.types.PropertyGroup) -> int:
-    """The icon of a mark's first place, for panels; 0 where it has none, or not yet."""
+    """Return the icon of a mark's first place, for panels; 0 where it has none, or not yet."""
     key = _cut(settings, mark)
     return int(_previews[key].icon_id) if key else 0
 

@@ -33,7 +33,7 @@ class Work[T]:
         self._thread.start()
 
     def ended(self, wait: float | None = 0.0) -> bool:
-        """Whether it has ended, after so many seconds at most; None for any number."""
+        """Return whether it has ended, after so many seconds at most; None for any number."""
         self._thread.join(wait)
         return not self._thread.is_alive()
 

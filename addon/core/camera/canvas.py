@@ -75,7 +75,7 @@ class Canvas:
         return float(moved.max() * self.camera.focal.max())
 
     def mask_to_source(self, mask: Mask) -> Mask:
-        """A mask (h, w) of the canvas as the source frame (H, W) has it, with its distortion."""
+        """Return a mask (h, w) of the canvas as the source frame (H, W) has it, with its distortion."""
         if not self.camera.is_distorted:
             return mask
         return np.asarray(self.to_source(mask.astype(np.float32)) > 0.5)

@@ -70,13 +70,13 @@ class Stage(Protocol):
     """A map of the plane (..., 2) -> (..., 2) that leaves the origin where it is."""
 
     def distort(self, rays: Floats) -> Floats:
-        """Rays (..., 2) as this stage moves them."""
+        """Return rays (..., 2) as this stage moves them."""
 
     def jacobian(self, rays: Floats) -> Floats:
-        """(..., 2, 2) derivative at rays (..., 2)."""
+        """Return (..., 2, 2) derivative at rays (..., 2)."""
 
     def undistort(self, rays: Floats) -> Floats:
-        """Rays (..., 2) that `distort` moves to rays (..., 2); NaN where there are none."""
+        """Return the rays (..., 2) that `distort` moves to given rays (..., 2); NaN without one."""
 
 
 class Radial(ABC):
@@ -263,7 +263,10 @@ class RollingShutter:
     """That of (0, 0), after the middle of the picture."""
 
     def distort(self, rays: Floats) -> Floats:
-        """Rays (..., 2) as they are read. When that is depends on where: repeated for each until it stays."""
+        """Return rays (..., 2) as they are read.
+
+        The time depends on the place: it is iterated until it stays.
+        """
         flat = rays.reshape(-1, 2)
         seen = self._through_lens(flat).copy()
         turning = _Turning.of(np.stack([flat[:, 0], flat[:, 1], np.ones(len(flat))]), self.turn)
@@ -278,7 +281,7 @@ class RollingShutter:
         return seen.reshape(rays.shape)
 
     def jacobian(self, rays: Floats) -> Floats:
-        """(..., 2, 2) derivative at rays (..., 2), that of the time of reading included."""
+        """Return (..., 2, 2) derivative at rays (..., 2), that of the time of reading included."""
         when = self._when(self.distort(rays))
         ahead = self._turned(rays, when)
         place = ahead[..., :2] / ahead[..., 2:]
@@ -357,7 +360,7 @@ class _Turning:
         return _Turning(self.points[:, which], self.across[:, which], self.along[:, which], self.angle)
 
     def at(self, when: Floats) -> Floats:
-        """(3, ...) at times (...)."""
+        """Return (3, ...) at times (...)."""
         angle = self.angle * np.asarray(when)
         cosine, sine = np.cos(angle), np.sin(angle)
         return np.stack([
@@ -367,7 +370,7 @@ class _Turning:
 
 
 def stages(model: str, terms: Sequence[float]) -> tuple[Stage, ...]:
-    """The chain of a family of `FAMILIES`, terms in COLMAP's order; none where the lens is a pinhole."""
+    """Return the chain of a family of `FAMILIES`, terms in COLMAP's order; empty for a pinhole."""
     t = tuple(float(term) for term in terms)
     match model:
         case "OPENCV":

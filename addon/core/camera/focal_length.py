@@ -35,16 +35,21 @@ def in_pixels(focal: Focal, width: int, height: int) -> float:
 
 
 def from_field_of_view(degrees: float, width: int) -> float:
-    """From the horizontal field of view; UserError unless it is between 0 and 180 degrees."""
+    """Return a focal length from the horizontal field of view in degrees.
+
+    Raises:
+        UserError: It is not between 0 and 180.
+    """
     if not 0 < degrees < 180:
         raise UserError(f"the field of view is {degrees:g} degrees; it must be between 0 and 180")
     return width / 2 / math.tan(math.radians(degrees) / 2)
 
 
 def from_equivalent(millimetres: float, width: int, height: int) -> float:
-    """From the 35 mm equivalent, which compares diagonals, as phones and EXIF do.
+    """Return a focal length from the 35 mm equivalent of the diagonal, as phones and EXIF have it.
 
-    UserError unless it is greater than zero.
+    Raises:
+        UserError: It is not greater than zero.
     """
     return _positive("focal length", millimetres, "mm") / DIAGONAL_35 * math.hypot(width, height)
 
@@ -55,9 +60,12 @@ def is_plausible(focal: float, width: int, height: int) -> bool:
 
 
 def from_sensor(focal_mm: float, sensor_mm: float, width: int) -> float:
-    """From the lens's own focal length and the width of the sensor behind it, of which the clip shows all.
+    """Return a focal length from the lens's own and the width of the sensor, both in millimetres.
 
-    UserError unless both are greater than zero.
+    The clip must show all of the sensor.
+
+    Raises:
+        UserError: One is not greater than zero.
     """
     return _positive("focal length", focal_mm, "mm") / _positive("sensor", sensor_mm, "mm") * width
 

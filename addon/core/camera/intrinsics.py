@@ -66,10 +66,11 @@ class Intrinsics:
 
     @classmethod
     def from_parameters(cls, model: str, width: int, height: int, values: Sequence[float]) -> Intrinsics:
-        """One of COLMAP's models and its parameters in COLMAP's order.
+        """Return the camera of one of COLMAP's models and its parameters in COLMAP's order.
 
-        UserError, beginning "expected", for a model that no pinhole picture can be made of, a wrong number
-        of parameters, a size or focal length that is not greater than zero, or what is not finite.
+        Raises:
+            UserError: The model has no pinhole picture, the number of parameters is wrong, a size or focal
+                length is not greater than zero, or a value is not finite. The message begins with "expected".
         """
         names = distortion.PARAMETERS.get(model)
         if names is None:
@@ -101,7 +102,7 @@ class Intrinsics:
         return cls(width, height, fx, fy, cx, cy, model=family, terms=terms)
 
     def parameters(self) -> tuple[str, tuple[float, ...]]:
-        """The simplest of COLMAP's models that is this very lens, and its parameters in COLMAP's order."""
+        """Return the simplest of COLMAP's models of this lens, and its parameters in COLMAP's order."""
         own = {name: getattr(self, name) for name in distortion.PLACES[1:]} | self._named_terms
         for model in distortion.FAMILIES[self.model]:
             names = distortion.PARAMETERS[model]
@@ -147,7 +148,7 @@ class Intrinsics:
         return self.largest_turn * sum(map(abs, self.readout)) / 2
 
     def scaled(self, width: int, height: int) -> Intrinsics:
-        """This camera with its picture resampled to width x height pixels."""
+        """Return this camera with its picture resampled to width x height pixels."""
         sx, sy = width / self.width, height / self.height
         return replace(
             self, width=width, height=height,
@@ -155,15 +156,15 @@ class Intrinsics:
         )  # fmt: skip
 
     def read_at_once(self) -> Intrinsics:
-        """The same camera with a global shutter, as it stands when the middle of its picture is read."""
+        """Return the same camera with a global shutter, at the time of the middle of its picture."""
         return replace(self, turn=(0.0, 0.0, 0.0), largest_turn=0.0, readout=(0.0, 0.0))
 
     def without_distortion(self) -> Intrinsics:
-        """The pinhole of the same size in pixels, focal lengths and principal point."""
+        """Return the pinhole of the same size in pixels, focal lengths and principal point."""
         return Intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
 
     def described(self) -> str:
-        """The lens's distortion for people: "OPENCV, k1 -0.1, k2 0, p1 0, p2 0"."""
+        """Return the lens's distortion for people: "OPENCV, k1 -0.1, k2 0, p1 0, p2 0"."""
         return ", ".join([self.model, *(f"{name} {value:g}" for name, value in self._named_terms.items())])
 
     def distort(self, rays: Floats) -> Floats:
@@ -186,9 +187,9 @@ class Intrinsics:
         return result
 
     def undistort(self, rays: Floats) -> Floats:
-        """Inverse of `distort`; (..., 2) -> (..., 2), to about 1e-12.
+        """Return undistorted rays: the inverse of `distort`; (..., 2) -> (..., 2), to about 1e-12.
 
-        NaN where no ray ahead of the camera is seen: past a fold, or 90 degrees from the axis.
+        They are NaN where no ray ahead of the camera is seen: past a fold, or 90 degrees from the axis.
         """
         rays = np.array(rays, dtype=np.float64)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -197,16 +198,16 @@ class Intrinsics:
         return rays
 
     def project(self, points: Floats) -> Floats:
-        """Camera-space points (..., 3) -> pixels (..., 2) of the source frame; not finite at depth 0.
+        """Project camera-space points (..., 3) to pixels (..., 2) of the source frame.
 
-        A point behind the camera lands where its mirror image ahead does: check the depth.
+        They are not finite at depth 0. A point behind the camera lands at its mirror image: check the depth.
         """
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             rays = points[..., :2] / points[..., 2:]
             return np.asarray(self.distort(rays) * self.focal + self.principal_point)
 
     def pinhole_pixels(self, pixels: Floats) -> Floats:
-        """Pixels of the source frame (..., 2) -> pixels of the same lens without distortion."""
+        """Return pixels of the source frame (..., 2) in the same lens without distortion."""
         if not self.is_distorted:
             return np.array(pixels, dtype=np.float64)
         rays = self.undistort((pixels - self.principal_point) / self.focal)

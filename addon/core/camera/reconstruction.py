@@ -121,9 +121,9 @@ class Reconstruction:
         return np.bincount(seen, minlength=len(self.points)).astype(np.int32)
 
     def median_depth(self, image: Image) -> float:
-        """Median depth of the points that a frame sees and that lie ahead; 0 where none do.
+        """Return the median depth of a frame's points ahead; 0 without any.
 
-        Remembered for registered frames: a pull asks for it in every frame and for every mark.
+        It is remembered for registered frames: a pull needs it in every frame and for every mark.
         """
         known = self._median_depths.get(image.frame)
         if known is not None and known[0] is image:
@@ -140,7 +140,7 @@ class Reconstruction:
         return {}
 
     def intrinsics(self, image: Image) -> Intrinsics:
-        """The camera of an image, in pixels of the clip, with the turn during which it read the picture."""
+        """Return the camera of an image, in pixels of the clip, with its turn during readout."""
         camera = self.cameras[image.camera]
         if not any(self.readout):
             return camera
@@ -188,7 +188,7 @@ class Reconstruction:
         return frames, turning_speeds(np.array([image.rotation for image in known]), frames)
 
     def image_at(self, frame: int) -> tuple[Image, bool]:
-        """The image of a frame, and whether its pose is interpolated between those of its neighbours.
+        """Return the image of a frame, and whether its pose is interpolated between those of its neighbours.
 
         A frame that was not registered gets a pose interpolated between the registered frames
         around it (or the nearest one's, outside their range) and those frames' points.
@@ -234,7 +234,10 @@ def _check_pose(image: Image) -> None:
 
 
 def outermost_angles(rays: Floats, point: Ints, count: int) -> Floats:
-    """(count,) degrees between the outermost unit rays (m, 3) to each point (m,); NaN without a ray."""
+    """Return the degrees (count,) between the outermost unit rays (m, 3) to each point (m,).
+
+    They are NaN without a ray.
+    """
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, point, rays)
     np.maximum.at(high, point, rays)
@@ -260,7 +263,7 @@ def turning_speeds(rotation: Floats, frames: Ints) -> Floats:
 
 
 def rotation_vector(matrix: Floats) -> Floats:
-    """(3, 3) rotation -> (3,) axis times angle in radians (logarithm map of SO(3))."""
+    """Return (3, 3) rotation -> (3,) axis times angle in radians (logarithm map of SO(3))."""
     quaternion = quaternion_from_matrix(matrix)
     sine = np.linalg.norm(quaternion[1:])
     if sine < 1e-300:
@@ -269,7 +272,7 @@ def rotation_vector(matrix: Floats) -> Floats:
 
 
 def rotation_matrix(vector: Floats) -> Floats:
-    """(3,) axis times angle in radians -> (3, 3) rotation (Rodrigues)."""
+    """Return (3,) axis times angle in radians -> (3, 3) rotation (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
     if angle == 0.0:
         return np.eye(3)
@@ -278,7 +281,7 @@ def rotation_matrix(vector: Floats) -> Floats:
 
 
 def matrix_from_quaternion(quaternion: Floats) -> Floats:
-    """(4,) quaternion w, x, y, z of any non-zero length -> (3, 3) rotation; else UserError."""
+    """Return (4,) quaternion w, x, y, z of any non-zero length -> (3, 3) rotation; else UserError."""
     largest = np.abs(quaternion).max()
     if not (np.isfinite(largest) and largest > 0):
         raise UserError(f"a camera's quaternion is {np.asarray(quaternion)}; it must be finite and not zero")
@@ -293,7 +296,7 @@ def matrix_from_quaternion(quaternion: Floats) -> Floats:
 
 
 def quaternion_from_matrix(matrix: Floats) -> Floats:
-    """(3, 3) rotation -> (4,) unit quaternion w, x, y, z with w >= 0.
+    """Return (3, 3) rotation -> (4,) unit quaternion w, x, y, z with w >= 0.
 
     Bar-Itzhack, "New method for extracting the quaternion from a rotation matrix", 2000: the
     eigenvector of the largest eigenvalue, stable at every angle and for slightly skewed input.
@@ -310,9 +313,10 @@ def quaternion_from_matrix(matrix: Floats) -> Floats:
 
 
 def typical_distance(reconstruction: Reconstruction) -> float:
-    """Median distance of the points from the mean camera centre, in the reconstruction's unit.
+    """Return the median distance of the points from the mean camera centre, in the model's unit.
 
-    UserError where nothing gives a scale.
+    Raises:
+        UserError: The scale is undetermined.
     """
     images = reconstruction.images
     if not images or not len(reconstruction.points):

@@ -47,7 +47,7 @@ class SmoothPlaces:
         return bool(np.all(np.abs(found - true) <= LARGEST_ERROR))
 
     def rows(self, first: int, last: int) -> Floats:
-        """Places (last - first, width, 2) of the pixels of some rows."""
+        """Return the places (last - first, width, 2) of the pixels of some rows."""
         if self._nodes is not None:
             return _interpolated(self._nodes, self._across, self._down[first:last])
         return self._place(

@@ -136,7 +136,7 @@ class _Path:
         return np.asarray(found * np.cumprod(np.append(1.0, flips))[:, None])
 
     def smoothed(self, strength: float) -> SteadyPath | None:
-        """The path smoothed by a strength; None where the clip does not show what it would see."""
+        """Return the path smoothed by a strength; None where the clip does not show what it would see."""
         both = np.column_stack([self.centres - self.centres[0], self._quaternions])
         smooth = _on_a_line(both) if strength >= 1 else _whittaker(both, _weight(strength))
         centres = smooth[:, :3] + self.centres[0]

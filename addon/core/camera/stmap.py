@@ -22,13 +22,13 @@ def undistort_map(canvas: Canvas) -> Map:
 
 
 def redistort_map(canvas: Canvas) -> Map:
-    """(H, W, 2) u and v of the canvas for each pixel of the source frame."""
+    """Return (H, W, 2) u and v of the canvas for each pixel of the source frame."""
     at = canvas.features_from_source(_centres(canvas.camera.width, canvas.camera.height))
     return _normalised(at, canvas.pinhole.width, canvas.pinhole.height)
 
 
 def channels(stmap: Map) -> dict[str, Map]:
-    """The channels of an EXR of a map (h, w, 2)."""
+    """Return the channels of an EXR of a map (h, w, 2)."""
     return {"R": stmap[..., 0], "G": stmap[..., 1], "B": np.zeros(stmap.shape[:2], np.float32)}
 
 

@@ -136,7 +136,7 @@ def _line(shape: Map, value: Map, slope: Map, mean: Map, reach: Map) -> Map:
 
 
 def completed(depth: DenseDepth, given: Map) -> DenseDepth:
-    """Depth found by stereo with a map's shape, `given` (h, w) in the same unit, where it is not sure."""
+    """Return depth from stereo, with the shape of a map `given` (h, w) in unsure pixels."""
     inverse = depth.inverse_depth
     level = max(level_of(inverse), level_of(given))
     if level <= 0:
@@ -171,17 +171,17 @@ class CompletedDepth(DepthSource):
     maps: DepthSource
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
-        """The depth of all pixels of the canvas, as of `StereoDepth.at`."""
+        """Return the depth of all pixels of the canvas, as of `StereoDepth.at`."""
         depth, origin = self._with_map(self.stereo.found(frame))
         return replace(self.stereo.whole(depth, frame, canvas, picture), origin=origin)
 
     def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
-        """As `at` without a picture, of a frame whose stereo depth was found before; else None."""
+        """Return `at` without a picture, for a frame whose stereo depth was found before; else None."""
         known = self.stereo.found_before(frame)
         return None if known is None else whole_depth(self._with_map(known)[0])
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
-        """The map's."""
+        """Return the map's."""
         return self.maps.samples(frame, canvas)
 
     def _with_map(self, depth: DenseDepth) -> tuple[DenseDepth, str]:

@@ -44,7 +44,7 @@ def interpolate(guide: Map, value: Map, weight: Map, default: float) -> Map:
 
 
 def splat(xy: Floats, value: Floats, shape: tuple[int, int]) -> tuple[Map, Map]:
-    """Mean of the values (n,) at places (n, 2) in each pixel (h, w), and how many there are."""
+    """Return the mean of the values (n,) at places (n, 2) in each pixel (h, w), and their number."""
     height, width = shape
     column, row = np.floor(xy).astype(int).T
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
@@ -56,7 +56,7 @@ def splat(xy: Floats, value: Floats, shape: tuple[int, int]) -> tuple[Map, Map]:
 
 
 def smooth(level: Map) -> Map:
-    """(h, w) levels without the unevenness of surfaces; jumps stay.
+    """Return (h, w) levels without the unevenness of surfaces; jumps stay.
 
     Tomasi and Manduchi, "Bilateral filtering for gray and color images", 1998, then a median of 3x3.
     """

@@ -247,7 +247,7 @@ class DepthStore:
                 yield True
 
     def is_kept(self, name: str) -> bool:
-        """Whether there is a file of a name, which begins as one of `KINDS`; it may be damaged."""
+        """Return whether there is a file of a name, which begins as one of `KINDS`; it may be damaged."""
         return (self._folder / f"{name}.npz").exists()
 
     def read(self, name: str, parts: tuple[str, ...]) -> dict[str, NDArray[np.generic]] | None:
@@ -302,7 +302,7 @@ class DepthStore:
 
 
 def kept_size(folder: Path) -> int:
-    """Bytes that the kept depth in a folder takes, of all keys; 0 where there is none."""
+    """Return the bytes of the kept depth in a folder, of all keys; 0 without any."""
     return sum(_size(each) for each in _folders(folder))
 
 
@@ -318,14 +318,14 @@ def delete_kept(folder: Path) -> int:
 
 
 def encoded(plane: Bytes | NDArray[np.uint16]) -> Bytes:
-    """A plane (h, w) as a PNG file's bytes (n,)."""
+    """Return a plane (h, w) as a PNG file's bytes (n,)."""
     # A fifth of the time of level 6, for a sixth more bytes.
     how = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
     return np.asarray(cv2.imencode(".png", plane, how)[1], np.uint8)
 
 
 def decoded(data: NDArray[np.generic], longest: int) -> NDArray[np.generic] | None:
-    """A PNG's plane (h, w); None where it is damaged, or a side longer than it can be."""
+    """Return a PNG's plane (h, w); None where it is damaged, or a side longer than it can be."""
     sides = np.frombuffer(data.tobytes()[16:24], ">u4")
     if data.tobytes()[:8] != PNG or len(sides) < 2 or sides.max() > longest:
         return None

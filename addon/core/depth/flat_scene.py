@@ -202,12 +202,12 @@ class EstimatedDepth(DepthSource):
         return PixelDepth(inverse, moving=moving, origin=ORIGIN, opacity=opacity)
 
     def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
-        """As `at` without a picture, of a frame whose subjects were found before; else None."""
+        """Return `at` without a picture, for a frame whose subjects were found before; else None."""
         known = self._seen.known(frame)
         return known and PixelDepth(known[0].astype(np.float64), moving=known[1], origin=ORIGIN)
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
-        """A regular grid of samples, `COLUMNS` across the picture; None for a clip without subjects."""
+        """Return a regular grid of samples, `COLUMNS` across the picture; None without subjects."""
         if not self.subjects():
             return None
         pinhole, (_, between) = canvas.pinhole, self.reconstruction.image_at(frame)

@@ -64,7 +64,7 @@ class Plane:
     """(3,) in 1 / scene units; away from the camera."""
 
     def inverse_depth(self, rays: Floats) -> Floats:
-        """1 / z (...) where rays (..., 3) meet it; not positive where they do not."""
+        """Return 1 / z (...) where rays (..., 3) meet the plane; not positive where they do not."""
         return np.asarray(rays @ self.normal)
 
     def seen_from(self, rotation: Floats, translation: Floats) -> Plane | None:
@@ -103,7 +103,7 @@ class Contact:
     right."""
 
     def inverse_depth(self, slope: float, ground: Plane) -> float:
-        """1 / z of the ground below the middle of the object, on a line through the place with a slope."""
+        """Return 1 / z of the ground below the object's middle, on a line through the place with a slope."""
         _, forward, right = ground.directions(self.column)
         along = right + slope * forward
         x, _, z = self.place
@@ -112,7 +112,7 @@ class Contact:
 
 
 def rays_of(pinhole: Intrinsics, xy: Floats) -> Floats:
-    """(..., 3) rays of places (..., 2) in pixels."""
+    """Return (..., 3) rays of places (..., 2) in pixels."""
     at = (xy - pinhole.principal_point) / pinhole.focal
     return np.concatenate([at, np.ones((*at.shape[:-1], 1))], axis=-1)
 

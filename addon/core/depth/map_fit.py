@@ -112,7 +112,7 @@ class Fitted:
     """(H, W) 1 / z in 1 / scene units at the clip's pixels; 0 is infinitely far, NaN unknown."""
 
     def at(self, xy: Floats) -> Floats:
-        """(n,) inverse depth at (n, 2) pixels of the clip's picture: of the pixel that they are in."""
+        """Return (n,) inverse depth at (n, 2) pixels of the clip's picture: of the pixel that they are in."""
         height, width = self.inverse_depth.shape
         column, row = np.floor(xy).astype(int).T
         return np.asarray(self.inverse_depth[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)])
@@ -145,7 +145,7 @@ def fit_clip(maps: DepthMaps, features: Callable[[int], tuple[Floats, Floats]]) 
 
 
 def frame_line(depth: DepthMap, xy: Floats, inverse_depth: Floats, clip: ClipFit) -> FrameLine:
-    """The line of a frame by its own features, as of `fit_depth`."""
+    """Return the line of a frame by its own features, as of `fit_depth`."""
     stored, inverse = _sampled(depth, xy, inverse_depth)
     if len(stored) < MIN_POINTS:
         return FrameLine(depth.frame, clip.line, np.zeros((2, 2)))
@@ -154,7 +154,7 @@ def frame_line(depth: DepthMap, xy: Floats, inverse_depth: Floats, clip: ClipFit
 
 
 def steadied(lines: Sequence[FrameLine], frame: int, clip: ClipFit) -> Floats:
-    """(2,) slope and offset of one of a few frames that follow each other, steady in time.
+    """Return (2,) slope and offset of one of a few frames that follow each other, steady in time.
 
     They walk at random from frame to frame, by as much as those of these frames differ beyond what their
     features leave open, and are known besides as exactly as they vary in the clip (Rauch, Tung and Striebel,

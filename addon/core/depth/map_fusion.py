@@ -264,7 +264,7 @@ def _extrapolated(picture: Bytes, inverse: Map, confidence: Map, reach: float, b
 
 
 def even(inverse: Map, level: float) -> Map:
-    """Inverse depth (h, w) smooth along surfaces, whose edges are where it changes by a level or more."""
+    """Return inverse depth (h, w) smoothed along surfaces, which end at changes of a level or more."""
     low, high = float(inverse.min()), float(inverse.max())
     if level <= 0 or high <= low:
         return inverse
@@ -295,7 +295,7 @@ def sharpened(inverse: Map, level: float, disputed: Mask | bool = False, ramp: i
 
 
 def without_speckles(inverse: Map, level: float) -> Map:
-    """Inverse depth (h, w) without holes of a few pixels in a surface: they take the depth of their rims."""
+    """Return inverse depth (h, w) with holes of a few pixels in a surface filled from their rims."""
     rim = cv2.morphologyEx(inverse, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     deep = rim - inverse > JUMP * level
     _, label, found, _ = cv2.connectedComponentsWithStats(deep.astype(np.uint8), connectivity=8)

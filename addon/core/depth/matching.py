@@ -40,7 +40,7 @@ class Features:
 
     @classmethod
     def none(cls, shape: tuple[int, ...]) -> Features:
-        """No pixel (h, w) is known."""
+        """Return features without a known pixel (h, w)."""
         return cls(np.zeros(shape[:2], np.float32), np.zeros(shape[:2], np.float32))
 
 

@@ -23,7 +23,7 @@ GUIDE_EPSILON = 100.0
 
 
 def opacity_over(canvas: Canvas, mask: Map | Mask) -> Map:
-    """(H, W) in [0, 1] over a canvas, of opacities (h, w) over its source frame at any size."""
+    """Return (H, W) in [0, 1] over a canvas, of opacities (h, w) over its source frame at any size."""
     size = (canvas.camera.width, canvas.camera.height)
     how = cv2.INTER_AREA if mask.shape[1] > size[0] else cv2.INTER_LINEAR
     share = cv2.resize(np.asarray(mask, np.float32), size, interpolation=how)
@@ -33,9 +33,9 @@ def opacity_over(canvas: Canvas, mask: Map | Mask) -> Map:
 
 
 def outline_of(moving: Mask, picture: LinearRGBA) -> Mask:
-    """(H, W) where a picture (H, W, 4), linear, shows what moves by itself, found (h, w) in a smaller one.
+    """Return the moving pixels (H, W) of a picture (H, W, 4), linear, from a small mask (h, w).
 
-    He, Sun and Tang, "Guided image filtering", 2010, within `GUIDE_RADIUS` of its outline.
+    He, Sun and Tang, "Guided image filtering", 2010, within `GUIDE_RADIUS` of the outline.
     """
     size = picture.shape[1], picture.shape[0]
     whole = cv2.resize(moving.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)

@@ -146,7 +146,7 @@ class PlaneSweepStereo:
         self._parallaxes = LRUCache[list[tuple[Image, float]]](2 * KEPT_SPANS)
 
     def at(self, frame: int) -> DenseDepth:
-        """The depth of the static scene in a frame; that of moving pixels is nowhere sure.
+        """Return the depth of the static scene in a frame; that of moving pixels is nowhere sure.
 
         UserError where the frame or a neighbour cannot be read, no frame is registered, or its lens bends
         more than a flat picture can show.
@@ -189,11 +189,11 @@ class PlaneSweepStereo:
         return self._masked(self._rec.image_at(frame)[0])
 
     def pinhole(self, frame: int) -> Intrinsics:
-        """The pinhole that a frame's depth is seen through, at the size worked at."""
+        """Return the pinhole that a frame's depth is seen through, at the size worked at."""
         return self.canvas(frame).pinhole
 
     def canvas(self, frame: int) -> Canvas:
-        """The undistorted picture of a frame at the size worked at."""
+        """Return the undistorted picture of a frame at the size worked at."""
         return self._canvas(self._rec.image_at(frame)[0])
 
     def prefetch(self, frames: list[int]) -> None:
@@ -214,7 +214,7 @@ class PlaneSweepStereo:
             self._picture(image)
 
     def picture(self, frame: int) -> Bytes:
-        """(h, w, 3) sRGB of a frame, as its depth is over it."""
+        """Return (h, w, 3) sRGB of a frame, as its depth is over it."""
         return np.ascontiguousarray(self._picture(self._rec.image_at(frame)[0])[..., :3])
 
     def _canvas(self, image: Image) -> Canvas:
@@ -323,7 +323,7 @@ class PlaneSweepStereo:
 
 
 def pixel_matrix(camera: Intrinsics) -> Floats:
-    """(3, 3) calibration matrix K of a pinhole, with OpenCV's pixel centres."""
+    """Return (3, 3) calibration matrix K of a pinhole, with OpenCV's pixel centres."""
     return np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
 
 

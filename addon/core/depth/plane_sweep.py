@@ -52,7 +52,7 @@ class View:
     """-1 or 1: neighbours of one side see past a silhouette together."""
 
     def homography(self, inverse: float) -> Floats:
-        """(3, 3) from the frame's pixels to the neighbour's, of the plane at one inverse depth."""
+        """Return (3, 3) from the frame's pixels to the neighbour's, of the plane at one inverse depth."""
         return np.asarray(self.infinite_homography + inverse * self.parallax_term)
 
     def sees_plane(self, inverse: float, width: int, height: int) -> bool:
@@ -61,13 +61,13 @@ class View:
         return bool((corners @ self.homography(inverse)[2]).min() > LEAST_DEPTH_RATIO)
 
     def warped(self, inverse: float, width: int, height: int, into: Bytes | None = None) -> Bytes:
-        """(height, width, 4) what it sees of a plane facing the frame at one inverse depth."""
+        """Return (height, width, 4) what it sees of a plane facing the frame at one inverse depth."""
         matrix, flags = self.homography(inverse), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         seen = cv2.warpPerspective(self.picture, matrix, (width, height), into, flags)
         return np.asarray(seen, np.uint8)
 
     def shrunk(self, times: int) -> View:
-        """This view with a picture so many times smaller."""
+        """Return this view with a picture so many times smaller."""
         small = small_picture(self.picture, times)
         down = _scaling(small.shape[1] / self.picture.shape[1], small.shape[0] / self.picture.shape[0])
         up = np.linalg.inv(down)
@@ -89,7 +89,7 @@ class View:
 
 
 def small_picture(picture: Bytes, times: int) -> Bytes:
-    """A picture (h, w, 4) so many times smaller, at least one pixel, means over areas."""
+    """Return a picture (h, w, 4) so many times smaller, at least one pixel, means over areas."""
     size = (max(picture.shape[1] // times, 1), max(picture.shape[0] // times, 1))
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
 

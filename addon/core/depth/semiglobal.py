@@ -36,7 +36,7 @@ P2_HALVED_AT = 8.0
 
 
 def semiglobal(costs: Costs, guide: Map) -> Costs:
-    """(h, k, w) costs summed along the rows and columns of the picture, (h, w) grey levels, both ways."""
+    """Sum costs (h, k, w) along the rows and columns of a picture (h, w) in grey levels, both ways."""
     height, count, width = costs.shape
     upright = np.empty((width, count, height), np.uint16)
     down, across = np.empty_like(costs), np.empty_like(upright)
@@ -102,7 +102,7 @@ def _both_ways(costs: Costs, guide: Map, total: Costs) -> None:
 
 
 def lowest(costs: Costs) -> Indices:
-    """(h, w) level of the least of costs (h, k, w), the first of those that are alike."""
+    """Return (h, w) level of the least of costs (h, k, w), the first of those that are alike."""
     level = np.arange(costs.shape[1], dtype=np.uint32)[:, None]
     best = np.empty((costs.shape[0], costs.shape[2]), np.intp)
     # NumPy's own search goes along other axes than the last one value after the other: four times as long.

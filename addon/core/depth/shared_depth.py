@@ -13,7 +13,7 @@ Pinhole = Callable[[int], Intrinsics]
 
 
 def kept_depth(store: DepthStore | None, kind: str, frame: int, pinhole: Pinhole) -> DenseDepth | None:
-    """The depth of a frame, of one of the store's kinds, as it is kept; None where it is not."""
+    """Return the depth of a frame, of one of the store's kinds, as it is kept; None where it is not."""
     if store is None:
         return None
     through = pinhole(frame)
@@ -22,7 +22,7 @@ def kept_depth(store: DepthStore | None, kind: str, frame: int, pinhole: Pinhole
 
 
 def not_kept(store: DepthStore | None, kind: str, frames: Sequence[int], pinhole: Pinhole) -> list[int]:
-    """Those of some frames whose depth, of one of the store's kinds, would have to be found."""
+    """Return those of some frames whose depth, of one of the store's kinds, would have to be found."""
     return [frame for frame in frames if kept_depth(store, kind, frame, pinhole) is None]
 
 

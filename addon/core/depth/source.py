@@ -116,7 +116,7 @@ class FirstKnown(DepthSource):
     sources: tuple[DepthSource, ...]
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
-        """The depth of all pixels of the canvas (H, W) that the first source knows, else None."""
+        """Return the depth of all pixels of the canvas (H, W) that the first source knows, else None."""
         found = (source.at(frame, canvas, picture) for source in self.sources)
         return next((depth for depth in found if depth is not None), None)
 
@@ -126,6 +126,6 @@ class FirstKnown(DepthSource):
         return next((depth for depth in found if depth is not None), None)
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
-        """The samples of the first source that has any, else None."""
+        """Return the samples of the first source that has any, else None."""
         found = (source.samples(frame, canvas) for source in self.sources)
         return next((samples for samples in found if samples is not None), None)

@@ -63,7 +63,7 @@ def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -
 
 
 def point_inverse_depths(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:
-    """(k,) inverse depth of 3D points at a frame, seen there or not; NaN where they do not lie ahead."""
+    """Return the inverse depth (k,) of 3D points at a frame, seen there or not; NaN behind the camera."""
     image, _ = reconstruction.image_at(frame)
     local, ahead = seen_by(image, reconstruction, points)
     return np.asarray(1.0 / np.where(ahead, local[:, 2], np.nan))

@@ -18,8 +18,8 @@ class SparseDepth(DepthSource):
     reconstruction: Reconstruction
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> None:
-        """None."""
+        """Return None: pixels are unknown."""
 
     def samples(self, frame: int, canvas: Canvas) -> FrameFeatures:
-        """The frame's feature points."""
+        """Return the frame's feature points."""
         return frame_features(self.reconstruction, frame, canvas)

@@ -37,12 +37,12 @@ class StereoDepth(DepthSource):
         return self.whole(self.found(frame), frame, canvas, picture)
 
     def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
-        """As `at` without a picture, of a frame whose depth was found before; else None."""
+        """Return `at` without a picture, for a frame whose depth was found before; else None."""
         known = self.found_before(frame)
         return None if known is None else whole_depth(known)
 
     def found(self, frame: int) -> DenseDepth:
-        """The depth of a frame at the size that it is found at."""
+        """Return the depth of a frame at the size that it is found at."""
         better = self.better.kept(frame) if self.better else None
         return better or self.fusion.at(frame)
 
@@ -52,7 +52,7 @@ class StereoDepth(DepthSource):
         return better or self.fusion.kept(frame)
 
     def whole(self, depth: DenseDepth, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
-        """Depth found for a frame for all pixels of a canvas, as `at`."""
+        """Return the depth of a frame for all pixels of a canvas, as `at`."""
         mask = self.masks(frame) if self.masks and picture.size else None
         return whole_depth(depth, picture, None if mask is None else opacity_over(canvas, mask))
 
@@ -61,7 +61,7 @@ class NoDepth(DepthSource):
     """Depth for a camera that stays in its place: there is none in the pictures."""
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
-        """UserError."""
+        """Raise UserError."""
         raise UserError(
             f"the depth of frame {frame} cannot be found because the camera does not move; provide depth"
             " maps of the clip",
@@ -69,7 +69,7 @@ class NoDepth(DepthSource):
         )
 
     def kept(self, frame: int, canvas: Canvas) -> None:
-        """None."""
+        """Return None."""
 
 
 def whole_depth(

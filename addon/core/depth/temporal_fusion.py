@@ -61,11 +61,11 @@ class TemporalFusion:
         return found_once(self._store, "depth", [frame], self._stereo.pinhole, self._found)[frame]
 
     def kept(self, frame: int) -> DenseDepth | None:
-        """The depth of a frame as it is kept, None where it would have to be found; errors as `at`."""
+        """Return the depth of a frame as it is kept, None where it would have to be found; errors as `at`."""
         return kept_depth(self._store, "depth", frame, self._stereo.pinhole)
 
     def canvas(self, frame: int) -> Canvas:
-        """The undistorted picture of a frame at the size that depth is found at."""
+        """Return the undistorted picture of a frame at the size that depth is found at."""
         return self._stereo.canvas(frame)
 
     @property

@@ -143,7 +143,7 @@ class UserDepth(DepthSource):
         return np.where(inside, inverse * ahead, np.nan).astype(np.float32)
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
-        """A regular grid of samples, `COLUMNS` across the picture; None without a map."""
+        """Return a regular grid of samples, `COLUMNS` across the picture; None without a map."""
         if frame not in self.maps.numbers:
             return None
         step = self.maps.footage.width / COLUMNS

@@ -39,7 +39,7 @@ class DepthMap:
     """Pixels of the clip's picture down."""
 
     def at(self, xy: Floats) -> Floats:
-        """(n,) values at (n, 2) pixels of the clip's picture, from the nearest pixel of the map."""
+        """Return (n,) values at (n, 2) pixels of the clip's picture, from the nearest pixel of the map."""
         rows, columns = self.values.shape
         place = np.floor(xy * [columns / self.width, rows / self.height]).astype(int)
         return np.asarray(
@@ -54,7 +54,7 @@ class DepthMaps(SideFiles):
     KIND = DEPTH_MAP
 
     def read(self, frame: int) -> DepthMap:
-        """The map of one of the clip's frames; UserError where there is none or it holds no depth."""
+        """Return the map of one of the clip's frames; UserError where there is none or it holds no depth."""
         if frame not in self.numbers:
             raise UserError(
                 f"frame {frame} has no depth map in {self.pictures.path.name}; there are maps for"

@@ -42,13 +42,13 @@ class Neighbour:
 
 
 def relative_pose(image: Image, other: Image) -> tuple[Floats, Floats]:
-    """Rotation (3, 3) and translation (3,) from an image's camera space to another's."""
+    """Return rotation (3, 3) and translation (3,) from an image's camera space to another's."""
     rotation = other.rotation @ image.rotation.T
     return rotation, np.asarray(other.translation - rotation @ image.translation)
 
 
 def stride(reconstruction: Reconstruction, most: int, fewest: int) -> int:
-    """Every how many registered frames to take: every `most`-th, of a short clip more: at least `fewest`."""
+    """Return a step of registered frames: `most`, or less in a short clip, for at least `fewest`."""
     return max(1, min(most, len(reconstruction.images) // fewest))
 
 
@@ -130,7 +130,7 @@ def parallaxes(
 def select_source_views(
     image: Image, found: Sequence[tuple[Image, float]], wanted: Sequence[float], options: SelectionOptions
 ) -> list[Neighbour]:
-    """For each wanted parallax in pixels the best frame on either side, if there is one, of `parallaxes`."""
+    """Return the best frame of `parallaxes` on either side for each wanted parallax in pixels."""
     if not found:
         return []
     baselines = np.array([image.rotation @ (other.centre - image.centre) for other, _ in found])

@@ -47,9 +47,10 @@ class Focus:
     def lens(
         self, reconstruction: Reconstruction, frame: int, pinhole: Intrinsics, radius: float
     ) -> ThinLens:
-        """The thin lens of an aperture radius in scene units at a frame that is seen through a pinhole.
+        """Return the thin lens of an aperture radius in scene units at a frame, for a pinhole.
 
-        UserError as `inverse_depth`, and where the points in focus make no plane.
+        Raises:
+            UserError: As of `inverse_depth`; or the points in focus define no plane.
         """
         inverse = self.inverse_depth(reconstruction, frame)
         slope = (0.0, 0.0)
@@ -91,10 +92,12 @@ class Focus:
         return float(normal[2] / away), (float(across), float(down))
 
     def inverse_depth(self, reconstruction: Reconstruction, frame: int) -> float:
-        """Inverse depth of the focal plane at a frame.
+        """Return the inverse depth of the focal plane at a frame.
 
-        Points are carried as 3D points: they need not be seen in the frame.
-        Raises UserError where nothing is picked or the picked points lie behind the camera.
+        3D points are projected: they need not be seen in the frame.
+
+        Raises:
+            UserError: Nothing is picked, or the points lie behind the camera.
         """
         if not self.points:
             if self.distance is None:
@@ -163,9 +166,12 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
 
 
 def blur_for_radius(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> float:
-    """Inverse of `radius_for_blur`: the blur disc, in image widths, of an aperture radius in scene units.
+    """Return the blur disc, in image widths, of an aperture radius in scene units.
 
-    UserError where there is nothing to blur.
+    It is the inverse of `radius_for_blur`.
+
+    Raises:
+        UserError: There is nothing to blur.
     """
     return radius * _blur_of_unit_radius(reconstruction, focus, frame)
 
@@ -195,7 +201,7 @@ def largest_discs(
 def sharp_distances(
     reconstruction: Reconstruction, focus: Focus, frame: int, radius: float
 ) -> tuple[float, float]:
-    """`ThinLens.sharp_distances` at a frame, of an aperture radius in scene units."""
+    """Return `ThinLens.sharp_distances` at a frame, for an aperture radius in scene units."""
     image, _ = reconstruction.image_at(frame)
     plain = reconstruction.intrinsics(image).without_distortion()
     return focus.lens(reconstruction, frame, plain, radius).sharp_distances

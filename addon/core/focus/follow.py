@@ -182,7 +182,7 @@ def _of_one_object(seen_at: Sequence[tuple[int, int, float]], start_depth: float
 
 
 def _goes_on(step: Floats, before: Floats | None) -> bool:
-    """Whether a step (2,) in pixels is like the one before, as of something with a mass."""
+    """Return whether a step (2,) in pixels is like the one before, as of something with a mass."""
     if before is None:
         return True
     most = max(JERK, JERK_SHARE * float(np.linalg.norm(before)))

@@ -80,7 +80,7 @@ class _Pixel:
 
     @property
     def is_known(self) -> bool:
-        """Whether the depth may be put in focus; moving objects are drawn at theirs, sure or not."""
+        """Return whether the depth may be put in focus; moving objects are drawn at theirs, sure or not."""
         return self.inverse_depth > 0 and (self.moves or self.confidence > SURE)
 
 
@@ -184,7 +184,7 @@ class PlaceFinder:
         return Place(focus, self.frame, distance, f"{origin}; {beside}", world, xy=(x, y))
 
     def world(self, place: Place) -> Floats:
-        """(3,) where a place of this frame is that was picked in the picture, at its distance."""
+        """Return (3,) where a place of this frame is that was picked in the picture, at its distance."""
         assert place.xy is not None and place.frame == self.frame
         return self._world(*place.xy, place.distance)
 

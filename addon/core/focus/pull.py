@@ -28,7 +28,7 @@ class FocusMark:
 
     @classmethod
     def of(cls, place: Place) -> FocusMark:
-        """A place at the frame that it was picked in."""
+        """Return a place at the frame that it was picked in."""
         return cls(place.frame, (place,))
 
     def inverse_depths(self, reconstruction: Reconstruction, frames: Sequence[int]) -> Floats:
@@ -68,13 +68,13 @@ def pull(
 
 
 def smoothstep(time: Floats) -> Floats:
-    """Shares of any shape: 0 up to time 0, 1 from time 1 on, smooth between, with no slope at either end."""
+    """Return shares of any shape: 0 up to time 0, 1 from time 1 on, with a smooth transition."""
     held = np.clip(time, 0, 1)
     return np.asarray(held**2 * (3 - 2 * held))
 
 
 def inverse_depths(place: Place, reconstruction: Reconstruction, frames: Sequence[int]) -> Floats:
-    """(n,) inverse depth of a place at frames (n,), greater than zero.
+    """Return (n,) inverse depth of a place at frames (n,), greater than zero.
 
     Where it lies behind the camera, or is lost, it is that of the nearest frame where it is not, of those and
     the one that it was picked in.
@@ -92,7 +92,7 @@ def inverse_depths(place: Place, reconstruction: Reconstruction, frames: Sequenc
 
 
 def unseen(marks: Sequence[FocusMark], reconstruction: Reconstruction, frames: Sequence[int]) -> list[int]:
-    """The frames, of those given, that do not show any place of the mark that is followed there.
+    """Return the frames, of those given, that do not show any place of the mark that is followed there.
 
     A place is shown where a point of it is seen, where it lies within the picture, or where it could be
     followed. Between two marks both are followed. A bare distance is shown everywhere.

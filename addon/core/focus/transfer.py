@@ -91,7 +91,7 @@ def carry_place(old: Reconstruction, new: Reconstruction, place: Place) -> Place
 
 
 def depth_ratio(old: Reconstruction, new: Reconstruction, frame: int) -> float:
-    """How many units of a new reconstruction one unit of the old one is, by the depths of a common frame."""
+    """Return the number of new units in one unit of the old solve, by the depths of a common frame."""
     ones, others = (frame_features(each, frame, _canvas(each, frame)) for each in (old, new))
     if not (len(ones.points) and len(others.points)):
         return 1.0

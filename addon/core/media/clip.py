@@ -65,7 +65,11 @@ class FrameRange:
 
     @classmethod
     def parse(cls, text: str) -> FrameRange:
-        """From "A-B", "A-B:STEP" or "A"; UserError for anything else."""
+        """Parse "A-B", "A-B:STEP" or "A".
+
+        Raises:
+            UserError: It is anything else.
+        """
         match = re.fullmatch(r"(\d{1,18})(?:-(\d{1,18}))?(?::(\d{1,18}))?", text.strip(), re.ASCII)
         if not match:
             raise UserError(f"frames {text!r} are not valid; write A-B, A-B:STEP or a single frame")
@@ -74,7 +78,7 @@ class FrameRange:
         return cls(first, first if last is None else last, 1 if step is None else step)
 
     def of(self, frames: Iterable[int]) -> tuple[int, ...]:
-        """The frames of the range, of those given, in their order."""
+        """Return the frames of the range, of those given, in their order."""
         return tuple(f for f in frames if self.first <= f <= self.last and (f - self.first) % self.step == 0)
 
 
@@ -113,7 +117,7 @@ class Footage:
 
     @property
     def is_video(self) -> bool:
-        """Whether it is one file, rather than a picture for each frame."""
+        """Return whether it is one file, rather than a picture for each frame."""
         return not self.files
 
     @property
@@ -165,7 +169,7 @@ class Footage:
         return (frame - self.frames[0]) / self.fps
 
     def of(self, wanted: FrameRange) -> tuple[int, ...]:
-        """The frames in a range, which may also count as the files' names do (`numbers`)."""
+        """Return the frames in a range, which may also count as the files' names do (`numbers`)."""
         named = dict(zip(self.numbers, self.frames, strict=False))
         return wanted.of(self.frames) or tuple(named[number] for number in wanted.of(named))
 
@@ -174,11 +178,11 @@ class Footage:
         return open_footage(self.path, info=self.video, stills=self.is_stills)
 
     def file(self, frame: int) -> Path:
-        """The file that holds a frame."""
+        """Return the file that holds a frame."""
         return self.files[self.frames.index(frame)] if self.files else self.path
 
     def named(self, name: str) -> int:
-        """The frame whose file has a name, with or without its suffix; UserError where none has."""
+        """Return the frame whose file has a name, with or without its suffix; UserError where none has."""
         found = [frame for frame, file in zip(self.frames, self.files, strict=False)
                  if name in (file.name, file.stem)]  # fmt: skip
         if len(found) != 1:
@@ -189,7 +193,7 @@ class Footage:
         return found[0]
 
     def read(self, frame: int) -> Pixels:
-        """(height, width, 3 or 4) RGB or RGBA as stored: uint8, uint16 or float32.
+        """Return (height, width, 3 or 4) RGB or RGBA as stored: uint8, uint16 or float32.
 
         Raises UserError naming the frame if the clip does not have it, it cannot be decoded, or its size
         is not the clip's; stills have a size each.
@@ -281,7 +285,7 @@ def _expanded(path: Path | str) -> Path:
 
 
 def describe(frames: Sequence[int]) -> str:
-    """For messages: "frames 1 to 118", "every 2nd frame from 1 to 11", or with its gaps counted."""
+    """Return words for messages: "frames 1 to 118", "every 2nd frame from 1 to 11", or a count of gaps."""
     if (step := common_step(frames)) > 1:
         return f"every {ordinal(step)} frame from {frames[0]} to {frames[-1]}"
     missing = frames[-1] - frames[0] + 1 - len(frames)
@@ -290,10 +294,10 @@ def describe(frames: Sequence[int]) -> str:
 
 
 def finite(picture: Pixels) -> tuple[Pixels, int]:
-    """A picture (H, W, 3 or 4) with floats between 0 and `BRIGHTEST`, and how many pixels were not finite.
+    """Return a picture (H, W, 3 or 4) with finite floats, and the number of corrected pixels.
 
-    Those take the value of the nearest one that is: one alone would spread over everything that a filter or a
-    blur reaches. Integers stay as they are.
+    Floats are between 0 and `BRIGHTEST`. A pixel that is not finite takes the value of the nearest finite
+    one: it would spread over the reach of every filter. Integers are unchanged.
     """
     if picture.dtype != np.float32:
         return picture, 0
@@ -303,7 +307,7 @@ def finite(picture: Pixels) -> tuple[Pixels, int]:
 
 
 def to_linear(picture: Pixels) -> NDArray[np.float32]:
-    """(H, W, 3 or 4) as stored -> (H, W, 4) float32, scene linear Rec.709, premultiplied alpha.
+    """Return (H, W, 3 or 4) as stored -> (H, W, 4) float32, scene linear Rec.709, premultiplied alpha.
 
     Integers are sRGB encoded (IEC 61966-2-1), floats linear already. EXR is premultiplied in the file.
     """
@@ -326,7 +330,7 @@ def to_linear(picture: Pixels) -> NDArray[np.float32]:
 
 
 def to_rgb8(picture: Pixels) -> NDArray[np.uint8]:
-    """(H, W, 3 or 4) as stored -> (H, W, 3) uint8, display-encoded."""
+    """Return (H, W, 3 or 4) as stored -> (H, W, 3) uint8, display-encoded."""
     if picture.dtype == np.float32:
         encoded = encode_srgb(np.clip(np.nan_to_num(picture[..., :3]), 0, 1))
         return np.round(encoded * 255).astype(np.uint8)
@@ -336,12 +340,12 @@ def to_rgb8(picture: Pixels) -> NDArray[np.uint8]:
 
 
 def to_gray8(picture: Pixels) -> NDArray[np.uint8]:
-    """(H, W, 3 or 4) as stored -> (H, W) uint8 display-encoded luma, for tracking."""
+    """Return (H, W, 3 or 4) as stored -> (H, W) uint8 display-encoded luma, for tracking."""
     return np.asarray(cv2.cvtColor(to_rgb8(picture), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Linear light of any shape in [0, 1] -> display values in [0, 1] (IEC 61966-2-1)."""
+    """Convert linear light in [0, 1], of any shape, to display values in [0, 1] (IEC 61966-2-1)."""
     return np.where(
         linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
     )

@@ -25,9 +25,10 @@ def identity(path: Path) -> str:
 
 
 def clip_digest(path: Path) -> str:
-    """64 hexadecimal digits of all bytes of a video, or the names and all bytes of a sequence's pictures.
+    """Return 64 hexadecimal digits of a video's bytes, or of a sequence's names and bytes.
 
-    UserError where one cannot be read.
+    Raises:
+        UserError: A file cannot be read.
     """
     return _files(path).digest()
 

@@ -55,7 +55,7 @@ class ColourSpace:
 
     @property
     def is_linear(self) -> bool:
-        """Whether stored values are light already, of other primaries."""
+        """Return whether stored values are light already, of other primaries."""
         line = np.linspace(self.curve[0], self.curve[-1], len(self.curve))
         return bool(np.abs(self.curve - line).max() <= 1e-4 * np.abs(self.curve).max())
 

@@ -26,7 +26,7 @@ FASTEST = 240.0
 
 
 def movie_rate(footage: Footage) -> float:
-    """Frames a second of a movie that has place for every frame of a clip: the fastest that the clip has."""
+    """Return the rate of a movie with place for every frame of a clip: the clip's fastest."""
     if footage.video is None or not footage.video.is_variable:
         return footage.fps
     seconds = footage.video.seconds

@@ -117,7 +117,7 @@ class ExrHeader:
 
     @property
     def has_layers(self) -> bool:
-        """Whether it has several parts, or channels with the names of layers."""
+        """Return whether it has several parts, or channels with the names of layers."""
         return len(self.parts) > 1 or any("." in each.name for each in self.channels)
 
 

@@ -16,7 +16,7 @@ MOST_FOLDERS = 500
 
 
 def clip_exists(path: Path) -> bool:
-    """Whether a video, a folder, or at least one picture of a pattern is there."""
+    """Return whether a video, a folder, or at least one picture of a pattern is there."""
     try:
         if is_pattern(path):
             return path.parent.is_dir() and any(pattern_numbers(path))
@@ -36,10 +36,17 @@ def is_clip(path: Path, wanted: str, at_a_glance: bool = False) -> bool:
 def find_clip(
     name: str, wanted: str, places: Iterable[Path], below: Path | None, at_a_glance: bool = False
 ) -> Path | None:
-    """The clip of the identity `wanted`: at one of the `places`, or called `name` in or below a folder.
+    """Find the clip of an identity.
 
-    `name` is a video's, a folder's or a pattern's; `at_a_glance` as in `is_same_clip`. None where it is not
-    found.
+    Args:
+        wanted: The identity.
+        name: Name of a video, a folder or a pattern.
+        places: Paths to try first.
+        below: Folder to search, with its subfolders.
+        at_a_glance: As in `is_same_clip`.
+
+    Returns:
+        The path; None without one.
     """
     for place in places:
         if is_clip(place, wanted, at_a_glance):

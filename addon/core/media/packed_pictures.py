@@ -41,12 +41,16 @@ class PackedPictures(Footage):
     )  # fmt: skip
 
     def read(self, frame: int) -> Pixels:
-        """(h, w, 3 or 4) as stored, float32 of arrays, of one of `frames`; UserError where it is damaged."""
+        """Return a picture (h, w, 3 or 4) of one of `frames` as stored, float32 for arrays.
+
+        Raises:
+            UserError: It is damaged.
+        """
         return self._pictures.get(frame, lambda: _readable(self.path, self.decode, frame))
 
 
 def is_packed(path: Path) -> bool:
-    """Whether a path has the ending of such a file, and is neither a folder nor a pattern."""
+    """Return whether a path has the ending of such a file, and is neither a folder nor a pattern."""
     return path.suffix.lower() in PACKED and not path.is_dir() and not is_pattern(path)
 
 

@@ -101,7 +101,7 @@ def decode_picture(data: bytes, name: str, is_depth: bool = False) -> Pixels:
 
 
 def grey(values: NDArray[np.generic]) -> Pixels:
-    """(h, w, 3) float32 of numbers (h, w)."""
+    """Return (h, w, 3) float32 of numbers (h, w)."""
     with np.errstate(over="ignore"):
         return np.repeat(values.astype(np.float32)[..., None], 3, axis=2)
 
@@ -143,7 +143,7 @@ def _read_array(path: Path) -> Pixels:
 
 
 def to_rgb(picture: NDArray[np.generic]) -> Pixels:
-    """OpenCV's picture (H, W) or (H, W, 1 to 4), gray, gray with alpha, BGR or BGRA, as RGB or RGBA."""
+    """Convert OpenCV's picture (H, W) or (H, W, 1 to 4), gray, BGR or BGRA, to RGB or RGBA."""
     channels = 1 if picture.ndim == 2 else picture.shape[2]
     if channels == 2:  # gray and alpha
         picture, channels = picture[..., [0, 0, 0, 1]], 4

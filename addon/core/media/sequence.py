@@ -24,7 +24,7 @@ _LITTER = ("__MACOSX", "@eaDir")
 
 
 def is_litter(name: str) -> bool:
-    """Whether a file name, or a path in an archive, is a hidden or housekeeping file.
+    """Return whether a file name, or a path in an archive, is a hidden or housekeeping file.
 
     macOS writes `._0001.png` and `__MACOSX/` beside the pictures, with their suffixes.
     """
@@ -33,7 +33,7 @@ def is_litter(name: str) -> bool:
 
 
 def is_pattern(path: Path) -> bool:
-    """Whether the path of a clip stands for numbered pictures: shot_####.png, shot_%04d.png.
+    """Return whether the path of a clip stands for numbered pictures: shot_####.png, shot_%04d.png.
 
     A file or a folder that is really called that is no pattern.
     """

@@ -92,7 +92,7 @@ def has_alpha(frame: VideoFrame, stream: VideoStream) -> bool:
 
 
 def blender_view(frame: VideoFrame, stream: VideoStream) -> BlenderView:
-    """How Blender's picture of a frame differs from `upright`."""
+    """Return the difference of Blender's picture of a frame from `upright`."""
     if stream.index != stream.container.streams.video[0].index:
         return BlenderView.TRACK
     if any(cropping(stream)):

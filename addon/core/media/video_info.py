@@ -61,7 +61,7 @@ class VideoInfo:
 
     @classmethod
     def parse(cls, kept: Any) -> VideoInfo | None:
-        """From the object that a file kept of it; None where there is none or it cannot be."""
+        """Read the object that a file kept of it; None if it is missing or invalid."""
         try:
             info = cls(
                 int(kept["width"]), int(kept["height"]), float(kept["fps"]),
@@ -160,7 +160,7 @@ class VideoInfo:
 
 
 def keeps_rate(seconds: NDArray[np.float64], fps: float) -> bool:
-    """Whether frames shown at `seconds` (n,) are all less than half a frame from a constant rate's.
+    """Return whether frames shown at `seconds` (n,) are all less than half a frame from a constant rate's.
 
     That begins with the first frame, against which sound is set.
     """
@@ -169,5 +169,5 @@ def keeps_rate(seconds: NDArray[np.float64], fps: float) -> bool:
 
 
 def is_alike(width: int, height: int, across: int, down: int) -> bool:
-    """Whether two sizes in pixels have the same shape, but for rounding."""
+    """Return whether two sizes in pixels have the same shape, but for rounding."""
     return abs(width * down / (height * across) - 1) < SAME_SHAPE

@@ -253,9 +253,10 @@ def turned_disc(positions: Floats, variant: int) -> Floats:
 
 @lru_cache(maxsize=16)
 def open_cells(aperture: Aperture) -> tuple[Floats, Floats, float]:
-    """(n, 2) middles of cells through which light passes, (n,) how much, and their area in squared radii.
+    """Return the centres (n, 2) of open cells, their light (n,), and their area in squared radii.
 
-    UserError where no light passes.
+    Raises:
+        UserError: No light passes.
     """
     light, share = aperture.raster(CELLS)
     row, column = np.nonzero(share)

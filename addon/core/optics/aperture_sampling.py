@@ -32,7 +32,10 @@ SAMPLES = 8192
 
 
 def random_disc(count: int, seed: int) -> Floats:
-    """(count, 2) independent, uniformly random positions on the unit disc: the thesis's section 3.5."""
+    """Return independent, uniformly random positions (count, 2) on the unit disc.
+
+    The thesis's section 3.5.
+    """
     check_count(count)
     rng = np.random.default_rng(seed)
     radius = np.sqrt(rng.random(count))
@@ -41,7 +44,7 @@ def random_disc(count: int, seed: int) -> Floats:
 
 
 def vogel_disc(count: int) -> Floats:
-    """(count, 2) Vogel spiral on the unit disc, recentred to a mean of exactly zero.
+    """Return (count, 2) Vogel spiral on the unit disc, recentred to a mean of exactly zero.
 
     Vogel, "A better way to construct the sunflower head", 1979. At equal error it needs 4 to 8 times
     fewer positions than random ones; the same positions on every frame, so that nothing flickers.
@@ -111,6 +114,10 @@ def views_needed(blur: float, prefiltered: bool) -> int:
 
 
 def check_count(count: int) -> None:
-    """UserError for a number of positions that is none."""
+    """Check a number of positions.
+
+    Raises:
+        UserError: It is out of range.
+    """
     if count < 1:
         raise UserError(f"the number of views is {count}; it must be at least 1")

@@ -27,7 +27,7 @@ def barrel_share(x: Floats, y: Floats, edge: float) -> Floats:
 
 
 def bokeh_picture(aperture: Aperture, size: int) -> LinearRGB:
-    """(size, size, 3) light, 0 to 1, linear, top row first: the blur disc of the aperture on black.
+    """Return (size, size, 3) light, 0 to 1, linear, top row first: the blur disc of the aperture on black.
 
     It is the light over which the virtual cameras are sampled. With optical vignetting there are nine discs,
     as large as fit, at the middle, the edges and the corners of a square frame.

@@ -65,7 +65,7 @@ class ThinLens:
     def on_plane(
         cls, pinhole: Intrinsics, radius: float, inverse: float, slope: tuple[float, float]
     ) -> ThinLens:
-        """A lens focused on the plane of an inverse depth on the optical axis, with the slope a pixel."""
+        """Return a lens focused on a plane, by its inverse depth on the axis and its slope a pixel."""
         if slope == (0.0, 0.0):
             return cls(pinhole, radius, inverse)
         centre, size = pinhole.principal_point, np.array([pinhole.width, pinhole.height])
@@ -87,7 +87,7 @@ class ThinLens:
         return inverse_depth + self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
 
     def untilted_raster[T: np.floating](self, inverse_depth: NDArray[T]) -> NDArray[T] | Floats:
-        """`untilted` of the inverse depths (H + 2 m, W + 2 m) of the picture's pixels and m around."""
+        """Return inverse depths (H + 2 m, W + 2 m) of a picture and m pixels around it, `untilted`."""
         rows, columns = inverse_depth.shape
         top, left = (rows - self.pinhole.height) // 2, (columns - self.pinhole.width) // 2
         across, down = np.arange(columns) + 0.5 - left, np.arange(rows) + 0.5 - top
@@ -107,7 +107,7 @@ class ThinLens:
         return positions / (1 - positions @ self._hinge)[:, None] if self.is_tilted else positions
 
     def aperture_positions(self, positions: Floats) -> Floats:
-        """(N, 2) positions on the aperture in scene units, from `sheared_positions` (N, 2)."""
+        """Return (N, 2) positions on the aperture in scene units, from `sheared_positions` (N, 2)."""
         return positions / (1 + positions @ self._hinge)[:, None] if self.is_tilted else positions
 
     @property
@@ -164,7 +164,7 @@ class ThinLens:
         return 2 * float(self.radius) * self.pinhole.fx * contrast
 
     def margin(self, inverse_depth: Floats) -> float:
-        """Pixels past the border that some view sees of a mesh with inverse depths of any shape."""
+        """Return the pixels past the border that views see of a mesh with inverse depths of any shape."""
         contrast = np.abs(inverse_depth - self.focus).max(initial=0.0)
         return float(self.stretch * self.radius * self.pinhole.focal.max() * contrast + PAST_BORDER)
 

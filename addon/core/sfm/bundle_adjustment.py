@@ -59,13 +59,13 @@ class Bundle:
             return np.asarray(self.points[:, :3] / self.points[:, 3:])
 
     def in_camera(self, seen: Observations) -> Floats:
-        """(m, 3) each observation's point in its camera's axes, times its own homogeneous factor."""
+        """Return (m, 3) each observation's point in its camera's axes, times its own homogeneous factor."""
         turned = np.einsum("mij,mj->mi", self.rotation[seen.frame], self.points[seen.point, :3])
         local = np.asarray(turned + self.points[seen.point, 3:] * self.translation[seen.frame])
         return local if self.distortion is None else self.distortion.turned(local, seen.frame, seen.xy)
 
     def residuals(self, seen: Observations) -> Floats:
-        """(m, 2) projection minus observation, in pixels."""
+        """Return (m, 2) projection minus observation, in pixels."""
         local = self.in_camera(seen)
         with np.errstate(divide="ignore", invalid="ignore"):
             place = self.focal[seen.frame, None] * local[:, :2] / local[:, 2:]
@@ -177,7 +177,7 @@ def adjust(
 
 
 def weights(residuals: Floats, loss: float) -> tuple[Floats, float]:
-    """Huber's weights (m,) and the cost."""
+    """Return Huber's weights (m,) and the cost."""
     size = np.linalg.norm(residuals, axis=1)
     bad = ~np.isfinite(size)
     size = np.where(bad, 1e6, size)
@@ -297,7 +297,7 @@ def _tangents(points: Floats) -> Floats:
 
 
 def summed(values: Floats, index: Ints, count: int) -> Floats:
-    """(count, ...) sums of (m, ...) by index (m,)."""
+    """Return (count, ...) sums of (m, ...) by index (m,)."""
     order = np.argsort(index, kind="stable")
     numbers, starts = np.unique(index[order], return_index=True)
     result = np.zeros((count, *values.shape[1:]))
@@ -376,7 +376,7 @@ def stretched(bundle: Bundle, change: float) -> tuple[Bundle, Floats, Floats]:
 
 
 def turns(vectors: Floats) -> Floats:
-    """(F, 3) axes times angles -> (F, 3, 3) rotations (Rodrigues)."""
+    """Return (F, 3) axes times angles -> (F, 3, 3) rotations (Rodrigues)."""
     angle = np.linalg.norm(vectors, axis=1)[:, None, None]
     x, y, z = vectors.T
     zero = np.zeros(len(x))

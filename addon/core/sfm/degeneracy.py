@@ -74,7 +74,11 @@ def check_motion(tracks: Tracks) -> float:
 
 
 def refuse_cuts(tracks: Tracks) -> None:
-    """UserError that names the shots of a clip with cuts."""
+    """Check that a clip has no cuts.
+
+    Raises:
+        UserError: It has; the message lists the shots.
+    """
     starts = [0, *cuts(tracks), len(tracks.frames)]
     if len(starts) > 2 and len(tracks.frames) <= PHOTOS * (len(starts) - 2):
         raise UserError(
@@ -101,9 +105,9 @@ def only_turns(measured: str) -> StaysError:
 
 
 def rotation_residual(a: Floats, b: Floats, tracks: Tracks, focal: float) -> float:
-    """Median distance in pixels between (n, 2) places b and places a turned by the best rotation.
+    """Return the median distance in pixels of places b (n, 2) from rotated places a (n, 2).
 
-    Rays are aligned twice more with the half that fits best.
+    The rotation is the best one, refined twice with the half that fits best.
     """
     centre = np.array([tracks.width, tracks.height]) / 2
     length = focal * max(tracks.width, tracks.height)
@@ -118,7 +122,7 @@ def rotation_residual(a: Floats, b: Floats, tracks: Tracks, focal: float) -> flo
 
 
 def kabsch(a: Floats, b: Floats) -> Floats:
-    """(3, 3) rotation that brings unit rays (n, 3) a closest to b.
+    """Return (3, 3) rotation that brings unit rays (n, 3) a closest to b.
 
     Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.
     """

@@ -43,12 +43,12 @@ class Distortion:
         return float(np.hypot(*self.size)) / 2
 
     def turned(self, local: Floats, frame: Ints, xy: Floats) -> Floats:
-        """Points (m, 3) in the axes of cameras `frame` (m,), when the places xy (m, 2) are read."""
+        """Return points (m, 3) in the axes of cameras `frame` (m,), when the places xy (m, 2) are read."""
         when = xy @ (self.parameters[4:] / self.size)
         return np.asarray(local + np.cross(self.speed[frame] * when[:, None], local))
 
     def bent(self, place: Floats) -> Floats:
-        """Where the lens puts a pinhole's places (m, 2)."""
+        """Return the distorted places (m, 2) of a pinhole's places."""
         place = place / self.half_diagonal
         square = (place**2).sum(axis=1, keepdims=True)
         k1, k2 = self.parameters[2:4]
@@ -89,5 +89,5 @@ class Distortion:
 
 
 def undistorted(size: tuple[int, int], speed: Floats) -> Distortion:
-    """A pinhole that reads all rows at once; `size` and `speed` (F, 3) are as in `Distortion`."""
+    """Return a pinhole that reads all rows at once; `size` and `speed` (F, 3) are as in `Distortion`."""
     return Distortion(np.zeros(len(SIGMA)), size, speed)

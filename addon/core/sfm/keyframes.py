@@ -104,7 +104,7 @@ def map_keyframes(
 
 
 def mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
-    """For pictures of which two see a point at `angle` degrees or more to begin with, intrinsics held."""
+    """Return options for pictures of which two see a point at least `angle` degrees apart."""
     options = pycolmap.IncrementalPipelineOptions()
     options.multiple_models = False
     options.min_model_size = 3

@@ -141,7 +141,7 @@ class TwoScales:
         self._taken = np.zeros((0, 2), np.float32)
 
     def step(self, gray: Bytes) -> tuple[Numbers, Places]:
-        """IDs (n,) and places (n, 2) in pixels of the points that a frame (h, w) shows, from both scales."""
+        """Return IDs (n,) and places (n, 2) in pixels of a frame's (h, w) points, from both scales."""
         number, place = self._fine.step(gray)
         size = tuple(max(side // COARSE_SCALE, 1) for side in gray.shape[::-1])
         zoom = np.array(gray.shape[::-1]) / size
@@ -239,7 +239,7 @@ def motion_outliers(before: Places, after: Places, moves: Places, cell: int) -> 
 
 
 def neighbour_consistency(before: Places, after: Places, cell: int, jump: float) -> tuple[Mask, Mask]:
-    """(n,) which points moved like two others in the cells around, and which have enough others there.
+    """Return (n,) which points moved like two others in the cells around, and which have enough others there.
 
     Alike is by less than `jump` pixels, or a share of the move. One other may be chance.
     """
@@ -259,7 +259,7 @@ def neighbour_consistency(before: Places, after: Places, cell: int, jump: float)
 
 
 def same_brightness(gray: Bytes, other: Bytes) -> Bytes:
-    """A picture with the histogram of another: its own tones in the other's shades."""
+    """Return a picture with the histogram of another: its own tones in the other's shades."""
     counts = [np.bincount(p.ravel(), minlength=256) / p.size for p in (gray, other)]
     # The middle of each step: clipped tones get the middle of their input range.
     here, there = (np.cumsum(count) - count / 2 for count in counts)
@@ -268,7 +268,7 @@ def same_brightness(gray: Bytes, other: Bytes) -> Bytes:
 
 
 def shift(before: Bytes, after: Bytes) -> tuple[float, float]:
-    """How far the picture as a whole has moved, in pixels along x and y (phase correlation)."""
+    """Return the motion of the whole picture in pixels along x and y (phase correlation)."""
     size = (max(before.shape[1] // 4, 2), max(before.shape[0] // 4, 2))
     a, b = (cv2.resize(p, size, interpolation=cv2.INTER_AREA).astype(np.float32) for p in (before, after))
     (x, y), _ = cv2.phaseCorrelate(a, b, cv2.createHanningWindow(size, cv2.CV_32F))
@@ -276,7 +276,7 @@ def shift(before: Bytes, after: Bytes) -> tuple[float, float]:
 
 
 def cell_size(picture: Bytes | Places, cells: int) -> int:
-    """Pixels a side of the cells of a picture (H, W) whose long side has so many."""
+    """Return the side in pixels of a picture's (H, W) cells, by their number along the long side."""
     return int(np.ceil(max(picture.shape) / cells))
 
 
@@ -291,7 +291,7 @@ def new_corners(gray: Bytes, points: Places) -> Places:
 
 
 def new_harris(gray: Bytes, points: Places) -> Places:
-    """As `new_corners`, by Harris's response (Harris and Stephens, 1988), which goes with its square."""
+    """Return `new_corners` by Harris's response (Harris and Stephens, 1988), with its square."""
     strength = cv2.cornerHarris(gray, 3, 3, HARRIS_K)
     return _corners(gray, points, strength, QUALITY**2, CELLS)
 
@@ -311,7 +311,7 @@ def _corners(gray: Bytes, points: Places, strength: Places, quality: float, cell
 
 
 def best_of_cells(strength: Places, least: float, points: Places, cells: int) -> NDArray[np.intp]:
-    """(k, 2) columns and rows of the strongest pixel of each cell that holds none of the points (n, 2)."""
+    """Return columns and rows (k, 2) of the strongest pixel of each cell without a point (n, 2)."""
     height, width = strength.shape
     cell = cell_size(strength, cells)
     across, down = -(-width // cell), -(-height // cell)

@@ -89,14 +89,14 @@ class Lens:
         return float(self.parameters[ACROSS]), float(self.parameters[DOWN])
 
     def intrinsics(self, focal: float) -> Intrinsics:
-        """The camera of a focal length in pixels."""
+        """Return the camera of a focal length in pixels."""
         tracks, (k1, k2) = self.recorded, self.terms(self.parameters, focal)
         return Intrinsics(
             tracks.width, tracks.height, focal, focal, tracks.width / 2, tracks.height / 2, k1, k2
         )
 
     def terms(self, parameters: Floats, focal: float) -> tuple[float, float]:
-        """k1 and k2 of OPENCV's model of parameters (6,), or of their deviations, at a focal length."""
+        """Return k1 and k2 of the model OPENCV from parameters (6,), or from their deviations."""
         unit = focal / (np.hypot(self.recorded.width, self.recorded.height) / 2)
         return float(parameters[K1] * unit**2), float(parameters[K2] * unit**4)
 
@@ -114,9 +114,12 @@ class Lens:
         return bool(np.isfinite(self.corner))
 
     def straightened(self, focal: Floats, speed: Floats) -> Tracks:
-        """The tracks as a pinhole would have seen them that reads all at once in the middle of the frame.
+        """Return the tracks of a pinhole with a global shutter, at the time of the frame's middle.
 
-        `focal` (F,) in pixels, `speed` (F, 3) as in `Distortion`.
+        Args:
+            tracks: Observed tracks.
+            focal: (F,) in pixels.
+            speed: (F, 3) as in `Distortion`.
         """
         tracks = self.recorded
         unit = float(np.hypot(tracks.width, tracks.height)) / 2
@@ -133,7 +136,7 @@ class Lens:
         return replace(tracks, xy=place + middle)
 
     def recording(self, found: Reconstruction) -> Reconstruction:
-        """A reconstruction by pinholes of the recorded places with the cameras that recorded them."""
+        """Return a reconstruction by pinholes of the recorded places with the cameras that recorded them."""
         cameras = tuple(self.intrinsics(camera.fx) for camera in found.cameras)
         found = replace(found, cameras=cameras, readout=self.readout)
         point = np.concatenate([image.points for image in found.images])
@@ -370,7 +373,7 @@ class _Fit:
 
 
 def parameters_of(found: Adjusted) -> Floats:
-    """(6,) of the distortion; 0 of a pinhole."""
+    """Return (6,) of the distortion; 0 of a pinhole."""
     lens = found.bundle.distortion
     return np.zeros(len(SIGMA)) if lens is None else lens.parameters
 

@@ -90,7 +90,7 @@ def _features(sift: cv2.SIFT, picture: Pixels, frame: int, name: str, most: int)
 
 
 def match_all(photos: Sequence[Photo], progress: Progress) -> dict[tuple[int, int], Ints]:
-    """(n, 2) rows of the features that match in two photos, by their places (i, j) in `photos`, i < j."""
+    """Return rows (n, 2) of the features that match in two photos, by numbers (i, j) of photos, i < j."""
     pairs = list(combinations(range(len(photos)), 2))
     found = {}
     for done, (i, j) in enumerate(pairs):

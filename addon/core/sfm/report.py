@@ -67,7 +67,7 @@ class LensReport:
         )  # fmt: skip
 
     def lines(self) -> list[str]:
-        """For people."""
+        """Return lines for users."""
         return [f"distortion    {self._bends()}", f"shutter       {self._reads()}"]
 
     def _bends(self) -> str:
@@ -141,7 +141,7 @@ class Report:
     """Settings that follow the advice."""
 
     def as_dict(self) -> dict[str, Any]:
-        """All fields, as they are written to JSON."""
+        """Return all fields, as they are written to JSON."""
         return asdict(self)
 
     def advised(self, words: Words) -> str:

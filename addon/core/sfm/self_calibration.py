@@ -137,7 +137,7 @@ def _growth(a: Floats, b: Floats) -> float:
 
 
 def zoomed(tracks: Tracks, ratio: Floats) -> Tracks:
-    """The tracks as a lens that does not zoom would have seen them; `ratio` is (F,) focal lengths."""
+    """Return the tracks as a lens that does not zoom would have seen them; `ratio` is (F,) focal lengths."""
     if np.all(ratio == 1):
         return tracks
     centre = np.array([tracks.width, tracks.height]) / 2

@@ -53,7 +53,7 @@ class Keypoints(Rows):
 
     @classmethod
     def none(cls) -> Keypoints:
-        """No keypoints."""
+        """Return no keypoints."""
         return cls(np.zeros((0, 2), np.float32), np.zeros(0, np.float32), np.zeros((0, 128), np.float32))
 
 
@@ -63,7 +63,7 @@ def make_sift(contrast: float = 0.04) -> cv2.SIFT:
 
 
 def keypoints(sift: cv2.SIFT, gray: Bytes, mask: Bytes | None = None, described: bool = True) -> Keypoints:
-    """The keypoints of a frame (H, W), where a mask of the same shape is not zero."""
+    """Return the keypoints of a frame (H, W), where a mask of the same shape is not zero."""
     if described:
         found, descriptors = sift.detectAndCompute(gray, mask)
     else:
@@ -181,7 +181,7 @@ class Matcher:
 
 
 def matched(before: Descriptors, after: Descriptors) -> tuple[Ints, Ints]:
-    """Rows of (n, d) and (m, d) descriptors that belong together: each other's best by `MAX_RATIO`."""
+    """Return rows of matching descriptors (n, d) and (m, d): each other's best, by `MAX_RATIO`."""
     if len(before) < 2 or len(after) < 2:
         return np.zeros(0, np.int32), np.zeros(0, np.int32)
     squared = before @ after.T
@@ -200,7 +200,7 @@ def matched(before: Descriptors, after: Descriptors) -> tuple[Ints, Ints]:
 
 
 def epipolar(before: Places, after: Places) -> Mask:
-    """(n,) which pairs fit one fundamental matrix; none where there are too few to find it."""
+    """Return (n,) which pairs fit one fundamental matrix; none where there are too few to find it."""
     if len(before) < 8:
         return np.zeros(len(before), bool)
     # OpenCV's newer estimators fail an assertion where all pairs move alike.
@@ -209,7 +209,7 @@ def epipolar(before: Places, after: Places) -> Mask:
 
 
 def strongest_of_cells(found: Keypoints, cell: int, count: int) -> NDArray[np.intp]:
-    """Rows (n,) of the `count` strongest keypoints of each cell, `cell` pixels wide."""
+    """Return rows (n,) of the `count` strongest keypoints of each cell, `cell` pixels wide."""
     column, row = (found.places // cell).astype(int).T
     number = row * (column.max(initial=0) + 1) + column
     order = np.lexsort([-found.response, number])

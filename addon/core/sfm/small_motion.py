@@ -41,7 +41,7 @@ class LongTracks:
 
 
 def long_tracks(tracks: Tracks, keys: list[int]) -> LongTracks:
-    """The tracks that are seen in enough of the keyframes `keys`, indices of the clip's frames."""
+    """Return the tracks that are seen in enough of the keyframes `keys`, indices of the clip's frames."""
     in_keys = np.isin(tracks.frame_index, keys)
     views = np.bincount(tracks.track[in_keys], minlength=tracks.count)
     least = max(MIN_VIEWS, MIN_SHARE * len(keys))
@@ -125,7 +125,10 @@ def _chained(span: LongTracks, rays: Floats) -> Floats:
 
 
 def robust_turn(a: Floats, b: Floats) -> Floats:
-    """(3, 3) rotation of unit rays (n, 3) a to b, refined without those that miss by twice the median."""
+    """Return the rotation (3, 3) of unit rays (n, 3) a to b, refined without outliers.
+
+    Outliers are farther off than twice the median.
+    """
     kept = np.ones(len(a), bool)
     turn = np.eye(3)
     for _ in range(3 if len(a) else 0):

@@ -56,7 +56,7 @@ class Solution:
         return self.largest_error * max(self.tracks.width, self.tracks.height) / 1000
 
     def rays(self) -> tuple[Floats, Floats]:
-        """(F, 3) camera centres and (m, 3) unit world directions of all observations."""
+        """Return (F, 3) camera centres and (m, 3) unit world directions of all observations."""
         focal = self.focal[self.tracks.frame_index, None]
         local = np.column_stack([(self.tracks.xy - self.centre) / focal, np.ones(len(focal))])
         turned = np.einsum("mji,mj->mi", self.rotation[self.tracks.frame_index], local)
@@ -64,7 +64,7 @@ class Solution:
         return centres, turned / np.linalg.norm(turned, axis=1, keepdims=True)
 
     def errors(self) -> Floats:
-        """(m,) reprojection errors in pixels; infinite behind a camera, NaN without pose or point."""
+        """Return (m,) reprojection errors in pixels; infinite behind a camera, NaN without pose or point."""
         frame = self.tracks.frame_index
         local = np.einsum("mij,mj->mi", self.rotation[frame], self.xyz[self.tracks.track])
         local += self.translation[frame]
@@ -75,7 +75,7 @@ class Solution:
 
 
 def empty(tracks: Tracks, focal: float, largest_error: float = LARGEST_ERROR) -> Solution:
-    """No pose and no point yet."""
+    """Return a solution without poses and points."""
     frames = len(tracks.frames)
     return Solution(
         tracks, np.full(frames, focal), np.full((frames, 3, 3), np.nan), np.full((frames, 3), np.nan),
@@ -84,9 +84,9 @@ def empty(tracks: Tracks, focal: float, largest_error: float = LARGEST_ERROR) ->
 
 
 def explained(solution: Solution) -> tuple[float, Ints]:
-    """Share of lasting tracks' observations that take part, and the lasting tracks (k,) without a point.
+    """Return the used share of lasting tracks' observations, and the lasting tracks (k,) without a point.
 
-    Lasting are tracks that `MIN_VIEWS` registered frames see.
+    Lasting tracks are seen by `MIN_VIEWS` registered frames.
     """
     tracks = solution.tracks
     posed = np.isfinite(solution.translation[tracks.frame_index, 0])
@@ -140,7 +140,7 @@ def register_frames(solution: Solution, progress: Progress) -> None:
 
 
 def triangulate(solution: Solution) -> None:
-    """Points for tracks that have none: where their rays come closest, by least squares."""
+    """Add points of tracks without one, nearest to their rays by least squares."""
     tracks = solution.tracks
     # Observations dropped with another pose or focal length are tried again.
     solution.used = np.ones(len(tracks.xy), bool)
@@ -213,7 +213,7 @@ def drop_shallow(solution: Solution) -> float:
 
 
 def collect(solution: Solution) -> Reconstruction:
-    """The solution as our own type, points numbered anew."""
+    """Return the solution as our own type, points numbered anew."""
     tracks, used = solution.tracks, solution.used
     count = tracks.count
     views = np.bincount(tracks.track[used], minlength=count)

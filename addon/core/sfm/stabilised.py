@@ -134,7 +134,7 @@ def compare(
     made: Solution,
     keys: list[int],
 ) -> Compared | None:
-    """A solve of the keyframes `keys` beside shifts; None where too few tracks span them."""
+    """Return a solve of the keyframes `keys` beside shifts; None where too few tracks span them."""
     span = long_tracks(made.tracks, keys)
     if len(span.tracks) < MIN_TRACKS:
         return None
@@ -161,7 +161,11 @@ def refuse_shifted(
     made: Solution,
     keys: list[int],
 ) -> None:
-    """UserError for a clip whose pictures were shifted, or whose depths are not in the order of motion."""
+    """Check that a clip's pictures were not shifted.
+
+    Raises:
+        UserError: They were, or depths are not in the order of motion.
+    """
     compared = compare(made, keys)
     if compared is None:
         return

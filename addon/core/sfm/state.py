@@ -94,14 +94,15 @@ def _damaged(path: Path, why: str) -> UnusableStateError:
 
 
 def model_digests(model: Path) -> dict[str, str]:
-    """64 hexadecimal digits for each file of a model, by its name."""
+    """Return 64 hexadecimal digits for each file of a model, by its name."""
     return {path.name: file_digest(path) for path in sorted(model.iterdir()) if path.is_file()}
 
 
 def check_model(model: Path, state: dict[str, Any]) -> None:
-    """UserError naming the file of a model that is not the one that the state was written with.
+    """Check that a model is the one of a state; a state edited by hand may lack this.
 
-    One that was edited by hand may leave that out.
+    Raises:
+        UserError: A file, which is named, is another one.
     """
     digests = state.get("model", {})
     for name, digest in digests.items() if isinstance(digests, dict) else ():
@@ -126,6 +127,6 @@ def is_state_of(state: dict[str, Any], clip: Path) -> bool:
 
 
 def recorded_places(work_dir: Path, state: dict[str, Any]) -> list[Path]:
-    """Where a state's clip may lie: as seen from the folder, with which it may have moved, and before."""
+    """Return possible paths of a state's clip: relative to the folder, which may have moved, and absolute."""
     beside = [(work_dir / state["relative"]).resolve()] if state["relative"] else []
     return [*beside, Path(state["footage"])]

@@ -68,7 +68,7 @@ class DepthEvidence:
 
 
 def depth_evidence(made: Solution) -> DepthEvidence | None:
-    """How much depth the tracks show that a solve of the keyframes agrees with; None for too few of them."""
+    """Return the evidence of depth in the tracks that agree with a solve; None for too few."""
     bundle, seen, posed, kept = as_bundle(made, COMPARED)
     if len(kept) < MIN_TRACKS:
         return None

@@ -27,7 +27,7 @@ BLOCK = 1 << 14
 
 
 def square(radius: int) -> Map:
-    """(3, p) of 1, u, v at the p pixels of a square patch, row by row; its middle is (0, 0)."""
+    """Return (3, p) of 1, u, v at the p pixels of a square patch, row by row; its middle is (0, 0)."""
     axis = np.arange(-radius, radius + 1, dtype=np.float32)
     u, v = (side.ravel() for side in np.meshgrid(axis, axis))
     return np.stack([np.ones_like(u), u, v])
@@ -57,7 +57,7 @@ class Rows:
     """Arrays with a row for each of the same n things."""
 
     def kept(self, rows: Mask | NDArray[np.integer]) -> Self:
-        """The rows of a mask (n,), or of row numbers (k,) in their order."""
+        """Return the rows of a mask (n,), or of row numbers (k,) in their order."""
         return self._made(lambda value: value.kept(rows) if isinstance(value, Rows) else value[rows])
 
     def joined(self, other: Self) -> Self:
@@ -90,7 +90,7 @@ class Patches(Rows):
 
     @classmethod
     def unknown(cls, count: int) -> Patches:
-        """For points that are new."""
+        """Return patches of new points."""
         size = len(WEIGHT)
         return cls(
             np.zeros(count, bool), np.zeros((count, size), np.float32),
@@ -123,9 +123,9 @@ class Patches(Rows):
         self.map[rows], self.known[rows] = np.eye(2), True
 
     def refined(self, gray: Map, places: Map) -> tuple[Map, Mask]:
-        """Places (n, 2), near given ones, where a frame (H, W) fits the patches best; (n,) which are alike.
+        """Refine places (n, 2) in a frame (H, W) by their patches; returns those (n,) that look alike.
 
-        A point whose patch is not known, or not whole in this frame, stays where it is and counts as alike.
+        A point whose patch is not known, or not complete in this frame, stays and counts as alike.
         """
         rows = np.nonzero(self.known)[0]
         rows = rows[_inside(gray, places[rows], self.map[rows])]
@@ -157,7 +157,7 @@ class Patches(Rows):
 
 
 def sample(gray: Map, places: NDArray[np.floating], maps: Floats, basis: Map = BASIS) -> Map:
-    """(n, p) the patches around places (n, 2) of a picture (H, W), seen through affine maps (n, 2, 2).
+    """Return (n, p) the patches around places (n, 2) of a picture (H, W), seen through affine maps (n, 2, 2).
 
     `basis` is the `square` of one patch. Past the picture's border its last pixel goes on.
     """

@@ -78,7 +78,7 @@ class Tracks:
         return self.track[low:high], self.xy[low:high]
 
     def shared(self, i: int, j: int) -> tuple[Floats, Floats]:
-        """Places (n, 2) and (n, 2) of the tracks that two frames both see."""
+        """Return the places (n, 2) and (n, 2) of the tracks that two frames share."""
         (before, a), (after, b) = self.in_frame(i), self.in_frame(j)
         _, at_a, at_b = np.intersect1d(before, after, assume_unique=True, return_indices=True)
         return a[at_a], b[at_b]
@@ -219,16 +219,16 @@ def are_bridged(footage: Footage, starts: Sequence[int]) -> bool:
 
 
 def thumbnail(gray: Bytes, width: int = THUMBNAIL) -> NDArray[np.float32]:
-    """A frame (H, W) made `width` pixels wide, its slow changes of brightness taken out."""
+    """Return a frame (H, W) made `width` pixels wide, its slow changes of brightness taken out."""
     size = (width, max(round(width * gray.shape[0] / gray.shape[1]), 1))
     small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.asarray(small - cv2.GaussianBlur(small, (0, 0), width / 16), np.float32)
 
 
 def correlation(a: NDArray[np.float32], b: NDArray[np.float32], overlap: float = MIN_OVERLAP) -> float:
-    """The best correlation of two pictures (h, w) over all shifts that leave a share `overlap` in common.
+    """Return the best correlation of two pictures (h, w) over all shifts with a common share.
 
-    0 for pictures without contrast. Lewis, "Fast normalized cross-correlation", 1995.
+    It is 0 for pictures without contrast. Lewis, "Fast normalized cross-correlation", 1995.
     """
     shape = (2 * a.shape[0], 2 * a.shape[1])
     one, x, y, xx, yy = (np.fft.rfft2(p, shape) for p in (np.ones_like(a), a, b, a * a, b * b))

@@ -146,7 +146,7 @@ class _Search:
         self._accepted[waiting.index].append(waiting.points[good])
 
     def found(self, index: int) -> Visible:
-        """The points of a requested frame, after all are seen."""
+        """Return the points of a requested frame, after all are seen."""
         points = np.sort(np.concatenate(self._accepted[index]))
         candidates, hidden = self._counts[index]
         return Visible(points, candidates, hidden, candidates - hidden - len(points))

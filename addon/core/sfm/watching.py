@@ -64,7 +64,7 @@ def encoded(picture: Pixels, places: Floats) -> Seen:
 
 
 def decoded(seen: Seen) -> Sight:
-    """The same, to be shown."""
+    """Return the same, to be shown."""
     jpeg = np.frombuffer(base64.b64decode(seen.picture), np.uint8)
     picture = cv2.imdecode(jpeg, cv2.IMREAD_COLOR)
     assert picture is not None, "the worker sends whole pictures"

@@ -52,7 +52,7 @@ class Solve:
     """As of `Footage`."""
 
     def open_clip(self, frames: FrameRange | Iterable[int] | None = None) -> Footage:
-        """The clip, all of it or some of its frames; UserError as `open_footage`."""
+        """Return the clip, all of it or some of its frames; UserError as `open_footage`."""
         return open_footage(self.footage, frames, info=self.video, stills=self.is_stills)
 
     @cached_property
@@ -88,13 +88,13 @@ class Solve:
 
 
 def default_work_dir(footage: Path, beside: Path) -> Path:
-    """The working folder of a clip when none is named: `<clip>.aperture` in the folder `beside`."""
+    """Return the working folder of a clip when none is named: `<clip>.aperture` in the folder `beside`."""
     stem = footage.name.replace("#", "").replace("%", "") or footage.parent.name
     return beside / f"{Path(stem).stem if footage.suffix else stem}.aperture"
 
 
 def load_solve(work_dir: Path, clip: Path | None = None) -> Solve:
-    """The solve that a working folder keeps.
+    """Return the solve that a working folder keeps.
 
     Its clip is the first of `clip`, the folder's own copy and the place where it lay that is the one that was
     solved. UserError where there is no solve, its model was altered, or its clip is gone or another one.
@@ -244,7 +244,7 @@ def check_import(work_dir: Path, footage: Footage, again: bool) -> None:
 
 
 def imported_from(work_dir: Path) -> str | None:
-    """The format of the import that the folder keeps; None where it keeps none."""
+    """Return the format of the import that the folder keeps; None where it keeps none."""
     state = read_state(work_dir)
     return None if state is None else state.get("imported")
 

@@ -86,13 +86,13 @@ class ClipFlow:
 
 
 def grid(shape: tuple[int, ...]) -> Map:
-    """(h, w, 2) every pixel's own place."""
+    """Return (h, w, 2) every pixel's own place."""
     x, y = np.meshgrid(np.arange(shape[1], dtype=np.float32), np.arange(shape[0], dtype=np.float32))
     return np.asarray(cv2.merge([x, y]))
 
 
 def warped(values: Map, place: Map) -> Map:
-    """Values (h, w) or (h, w, c) at places (h, w, 2), bilinear; at the border those there."""
+    """Sample values (h, w) or (h, w, c) at places (h, w, 2), bilinear, constant past the border."""
     found = cv2.remap(values, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
     return np.asarray(found, np.float32)
 

@@ -12,7 +12,7 @@ from .panel import ClosedPanel, split
 
 
 def may_be_photos(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether the clip is a folder or a pattern, by its name: nothing is looked up while a panel is drawn."""
+    """Return whether the clip is a folder or a pattern, by its name, without access to files."""
     clip = Path(settings.footage)
     return bool(settings.footage) and (not clip.suffix or is_pattern(clip))
 

@@ -24,7 +24,7 @@ class Panel:
 
 
 def split(layout: bpy.types.UILayout, with_keys: bool = False) -> bpy.types.UILayout:
-    """A panel's layout with names beside properties, and `with_keys` the buttons that key them."""
+    """Return a panel's layout with names beside properties, and `with_keys` the buttons that key them."""
     layout.use_property_split = True
     layout.use_property_decorate = with_keys
     return layout
