@@ -171,10 +171,7 @@ class Reconstruction:
         return {}
 
     def turn_at(self, frame: int) -> Floats:
-        """Return the rotation vector (3,) in radians from a frame to the next, in the frame's camera axes.
-
-        It is interpolated from the poses of registered frames.
-        """
+        """Return the rotation vector (3,) in radians from a frame to the next, in its camera's axes."""
         frames, turns = self._turns
         return np.array([np.interp(frame, frames, axis) for axis in turns.T])
 
@@ -234,10 +231,7 @@ def _check_pose(image: Image) -> None:
 
 
 def outermost_angles(rays: Floats, point: Ints, count: int) -> Floats:
-    """Return the degrees (count,) between the outermost unit rays (m, 3) to each point (m,).
-
-    They are NaN without a ray.
-    """
+    """Return degrees (count,) between the outermost unit rays (m, 3) to points (m,); NaN without a ray."""
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, point, rays)
     np.maximum.at(high, point, rays)

@@ -65,11 +65,7 @@ class FrameRange:
 
     @classmethod
     def parse(cls, text: str) -> FrameRange:
-        """Parse "A-B", "A-B:STEP" or "A".
-
-        Raises:
-            UserError: It is anything else.
-        """
+        """Parse "A-B", "A-B:STEP" or "A"; UserError for anything else."""
         match = re.fullmatch(r"(\d{1,18})(?:-(\d{1,18}))?(?::(\d{1,18}))?", text.strip(), re.ASCII)
         if not match:
             raise UserError(f"frames {text!r} are not valid; write A-B, A-B:STEP or a single frame")
@@ -122,10 +118,7 @@ class Footage:
 
     @property
     def colour_space(self) -> str:
-        """Blender's name of the colour space by the clip's tags; empty for the default.
-
-        See `colour_space.of_tags`.
-        """
+        """The colour space by the clip's tags (`colour_space.of_tags`); empty for the default."""
         return self.video.colour_space if self.video is not None else SRGB
 
     @property
@@ -296,8 +289,7 @@ def describe(frames: Sequence[int]) -> str:
 def finite(picture: Pixels) -> tuple[Pixels, int]:
     """Return a picture (H, W, 3 or 4) with finite floats, and the number of corrected pixels.
 
-    Floats are between 0 and `BRIGHTEST`. A pixel that is not finite takes the value of the nearest finite
-    one: it would spread over the reach of every filter. Integers are unchanged.
+    A pixel that is not finite takes the value of the nearest finite one. Floats are cut at 0 and `BRIGHTEST`.
     """
     if picture.dtype != np.float32:
         return picture, 0
@@ -352,7 +344,7 @@ def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.floating]:
 
 
 def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Display values of any shape in [0, 1] -> linear light in [0, 1] (IEC 61966-2-1)."""
+    """Convert display values in [0, 1], of any shape, to linear light in [0, 1] (IEC 61966-2-1)."""
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 

@@ -117,7 +117,7 @@ class Lens:
         """Return the tracks of a pinhole with a global shutter, at the time of the frame's middle.
 
         Args:
-                focal: (F,) in pixels.
+            focal: (F,) in pixels.
             speed: (F, 3) as in `Distortion`.
         """
         tracks = self.recorded
