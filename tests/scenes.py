@@ -14,8 +14,8 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.depth.sparse_depth import SparseDepth
 from addon.core.depth.user_depth import UserDepth
 from addon.core.frame.clip_context import ClipContext, no_picture
+from addon.core.frame.frame_path import warp_frame
 from addon.core.frame.plan import FrameOptions, FramePlan
-from addon.core.frame.warped_frame import warp_frame
 from addon.core.media.clip import open_footage
 
 if TYPE_CHECKING:

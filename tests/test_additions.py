@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ADDON = ROOT / "addon"
 ACTS = {
     "target_psnr": {
-        "render/average.py",
+        "core/frame/frame_path.py",
         "render/preview.py",
         "cli/main.py",
         "cli/lens.py",
@@ -42,8 +42,8 @@ def knowing(name: str) -> set[str]:
     return found
 
 
-def test_there_are_five_walks() -> None:
-    assert len(walks()) == 5
+def test_there_are_six_walks() -> None:
+    assert len(walks()) == 6
 
 
 @pytest.mark.parametrize(("what", "example", "files"), walks())

@@ -14,11 +14,11 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import NO_PICTURE, DepthSource, PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame_path import warp_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.meshers import MESHERS
 from addon.core.frame.meshers.mesher import Mesher, Surface
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import warp_frame
 from addon.core.media.clip import open_footage, to_linear
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.readers import Reader, read_reconstruction

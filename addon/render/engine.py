@@ -17,6 +17,7 @@ from ..core.base import memory
 from ..core.base.arrays import LinearRGBA, Map
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled, checkpoint, reporting, stage
+from ..core.frame.frame_path import Drawn
 from ..core.frame.passes import circle_of_confusion, depth, in_focus
 from ..core.frame.warped_frame import WarpedFrame
 from ..scene import passes
@@ -26,7 +27,7 @@ from ..scene.remedy_words import WORDS
 from ..scene.shot import Shot, shot_of
 from ..scene.timeline import clip_frame, scene_time
 from . import frame_notes
-from .average import Drawn, OnFrame, render_frame
+from .average import OnFrame, render_frame
 from .cg_process import draw_cg
 from .frame_size import render_size, shape_problem
 from .frames_ahead import frame_ahead

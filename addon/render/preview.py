@@ -24,18 +24,19 @@ from ..core.base import memory
 from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled, reporting, stage
+from ..core.frame.detail import resized
+from ..core.frame.frame_path import READ, WARPED, Drawn, mesh_frame
 from ..core.frame.highlights import HighlightSettings
 from ..core.frame.inspection import SOURCE_VIEWS
 from ..core.frame.inspection import picture as inspected
 from ..core.frame.meshers import MESHERS
 from ..core.frame.plan import FrameOptions
 from ..core.frame.quality import DRAFT, FINAL, FIRST_LOOK, NORMAL
-from ..core.frame.warped_frame import mesh_frame
 from ..core.media.clip import to_linear
 from ..scene.remedy_words import WORDS
 from ..scene.shot import Shot
 from . import cg_preview
-from .average import READ, WARPED, Drawn, draw_shares, render_frame, resized
+from .average import draw_shares, render_frame
 from .cg_preview import CGWanted
 
 Half = NDArray[np.float16]

@@ -14,10 +14,11 @@ from ..core.base.atomic import staged
 from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import check_file
 from ..core.base.regular_file import read_regular
+from ..core.frame.frame_path import Drawn
 from ..core.frame.inspection import Shown, pictures
 from ..core.frame.report import FrameReport, Used, frame_report, summary
 from ..core.sfm.state import is_state_file
-from .average import Drawn, draw_shares
+from .average import draw_shares
 
 KIND = "virtual aperture frame reports"
 JOB = "specificationVersion"

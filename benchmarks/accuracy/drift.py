@@ -20,14 +20,14 @@ import cv2
 import numpy as np
 
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame_path import Drawn, warp_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.inspection import SOURCES
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import warp_frame
 from addon.core.media.clip import encode_srgb, to_linear
 from addon.core.warp import disocclusion_fill
 from addon.core.warp.source_view import Places, SourceView
-from addon.render.average import Drawn, draw_mean, draw_shares
+from addon.render.average import draw_mean, draw_shares
 
 from . import metrics
 from .cases import GroundTruth

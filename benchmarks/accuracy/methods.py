@@ -16,15 +16,17 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Points, Reconstruction
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.effects import LEAST_COVER
+from addon.core.frame.frame_path import Drawn, mesh_frame, warp_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions, FramePlan
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL, Quality
-from addon.core.frame.warped_frame import WarpedFrame, mesh_frame, warp_frame
+from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.registration import exact_registration
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.mesh import WarpMesh
-from addon.render.average import LEAST_COVER, Drawn, draw_mean, render_frame
+from addon.render.average import draw_mean, render_frame
 from addon.render.quiet import quiet
 from sample_scenes import cycles_views, staging
 

@@ -19,9 +19,10 @@ import numpy as np
 from addon.core.camera.reconstruction import Reconstruction, rotation_matrix
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame_path import Drawn
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.clip import open_footage
-from addon.render.average import Drawn, render_frame
+from addon.render.average import render_frame
 from addon.render.quiet import quiet
 from sample_scenes import truth
 from sample_scenes.stage import Stage, tremor

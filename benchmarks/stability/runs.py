@@ -8,8 +8,8 @@ from addon.core.base.arrays import Floats, LinearRGBA
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.focus.focus import Focus, radius_for_blur
 from addon.core.frame.clip_context import ClipContext, no_picture
+from addon.core.frame.frame_path import warp_frame
 from addon.core.frame.plan import FrameOptions, FramePlan
-from addon.core.frame.warped_frame import warp_frame
 from addon.render import gpu_views
 
 from .__main__ import Measure

@@ -28,6 +28,7 @@ from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.focus.focus import Focus
+from addon.core.frame import frame_path
 from addon.core.frame import warped_frame as lens_frame
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlight_discs import HighlightDiscs
@@ -36,7 +37,7 @@ from addon.core.media.clip import Footage, open_footage
 from addon.core.subjects.clip_subjects import ClipSubject
 from addon.core.warp import layered_mesh
 from addon.core.warp.disocclusion_fill import ReprojectedColours
-from addon.render import average, engine, gpu_views, output
+from addon.render import engine, gpu_views, output
 from addon.render.quiet import quiet
 from addon.scene.build import build
 from addon.scene.lens import set_focus
@@ -57,7 +58,7 @@ STAGES: tuple[tuple[object, str, str], ...] = (
     (engine, "render_frame", "rest of the frame"),
     (Shot, "read", "read"),
     (ClipContext, "picture", "read, highlights"),
-    (lens_frame, "_geometry", "read"),
+    (frame_path, "frame_geometry", "read"),
     (ClipContext, "depth", "depth, kept, for every pixel"),
     (ClipSubject, "share", "subjects"),
     (ClipContext, "hidden_colours", "hidden colours, other frames"),
@@ -68,7 +69,7 @@ STAGES: tuple[tuple[object, str, str], ...] = (
     (layered_mesh, "_joined", "triangles"),
     (layered_mesh, "_texture", "texture"),
     (lens_frame, "prefilter", "prefilter of the texture"),
-    (average, "draw_mean", "views"),
+    (frame_path, "mean_of_views", "views"),
     (gpu_views, "upload", "upload"),
     (gpu_views, "_download", "download"),
     (HighlightDiscs, "light", "highlights' discs"),

@@ -15,11 +15,13 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame, mesh_frame
+from addon.core.frame.view_error import views_to_error
+from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.registration import exact_registration
-from addon.render.average import draw_mean, draw_to_error
+from addon.render.average import draw_mean
 
 from .. import store
 from ..accuracy import metrics
@@ -111,7 +113,7 @@ def wish(scored: Scored, errors: list[float]) -> None:
     for error in errors:
         # It is written over.
         own = replace(scored.meshed, surface=replace(surface, texture=surface.texture.copy()))
-        (warped, mean), cost = measured(partial(draw_to_error, own, error))
+        (warped, mean), cost = measured(partial(views_to_error, own, error, draw_mean))
         picture = warped.plan.canvas.to_source(mean)[..., :3]
         print(
             f"| {scored.name} | {scored.blur} | {len(warped.plan.offsets)} | {error:g} dB |"

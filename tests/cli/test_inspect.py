@@ -11,9 +11,9 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, reporting
+from addon.core.frame.frame_path import Drawn
 from addon.core.frame.inspection import NAMES
 from addon.core.frame.report import FrameReport
-from addon.render.average import Drawn
 from addon.render.run_report import RunReport, check_report
 
 from ..command_line import done, here

@@ -10,8 +10,9 @@ import pytest
 
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.focus.focus import Focus
+from addon.core.frame.frame_path import warp_frame
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import WarpedFrame, warp_frame
+from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.clip import open_footage, to_linear
 from addon.scene.shot import Shot
 

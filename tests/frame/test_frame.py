@@ -14,8 +14,9 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import SURE, PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame_path import FEWEST_SURE, warp_frame
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import FEWEST_SURE, WarpedFrame, warp_frame
+from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.clip import to_linear
 
 from ..scenes import slanted_plane, texture

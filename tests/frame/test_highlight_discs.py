@@ -16,10 +16,11 @@ from addon.core.camera.reconstruction import Intrinsics, rotation_matrix
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.highlight_discs import BRIGHT, MOST, TrackedDepth, without_small_highlights
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import WarpedFrame, mesh_frame
+from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.clip import to_linear
 from addon.core.optics.aperture import Aperture
 
@@ -210,7 +211,7 @@ def test_a_disc_is_as_large_as_its_feature_points_say_where_stereo_sees_the_back
     source[98:102, 158:162, :3] = 40
     clip = ClipContext(solve, lambda frame: pictures[frame - 1])
     lens = FrameOptions(Focus(distance=4.0), radius, borrow=False)
-    found = mesh_frame(clip, frame, lens, planes.SIZE, source).highlight_discs
+    found = mesh_frame(clip, frame, lens, planes.SIZE, source).geometry.highlight_discs
     assert found is not None
     (highlight,) = found.found
     assert highlight.displacement == pytest.approx(radius * planes.FOCAL * (1 / 8 - 1 / 4), abs=0.2)

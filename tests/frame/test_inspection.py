@@ -15,6 +15,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.frame import inspection
 from addon.core.frame.clip_context import ClipContext, no_picture
+from addon.core.frame.frame_path import Drawn, warp_frame
 from addon.core.frame.inspection import (
     NAMES,
     _encoded,
@@ -26,13 +27,13 @@ from addon.core.frame.inspection import (
 )
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.report import Used, frame_report, summary
-from addon.core.frame.warped_frame import WarpedFrame, warp_frame
+from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.clip import to_linear
 from addon.core.warp.layered_depth_image import Fill
 from addon.core.warp.layered_mesh import LayeredMeshOptions
 from addon.core.warp.quadtree import triangulate
 from addon.core.warp.rasterise import at_pixels
-from addon.render.average import Drawn, draw_shares
+from addon.render.average import draw_shares
 
 from ..disc_and_wall import (
     FAR,

@@ -18,11 +18,12 @@ from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.detail import enlarged
+from addon.core.frame.frame_path import Drawn, mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL, QUALITIES, Quality
-from addon.core.frame.warped_frame import forecast, mesh_frame
+from addon.core.frame.warped_frame import forecast
 from addon.core.media.clip import to_linear
-from addon.render.average import Drawn, render_frame
+from addon.render.average import render_frame
 
 from ..scenes import psnr, slanted_plane, texture
 

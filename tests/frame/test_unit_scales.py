@@ -16,7 +16,8 @@ from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.sparse import frame_features
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.warped_frame import FrameOptions, WarpedFrame, mesh_frame
+from addon.core.frame.frame_path import mesh_frame
+from addon.core.frame.warped_frame import FrameOptions, WarpedFrame
 from addon.core.media.clip import to_linear
 from addon.render.average import draw_mean, render_frame
 from sample_scenes import cycles_views

@@ -13,12 +13,13 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.view_error import FIRST, PILOT, difference, other_views, views_for_error
-from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame, mesh_frame
+from addon.core.frame.view_error import FIRST, PILOT, difference, other_views, views_for_error, views_to_error
+from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.media.clip import encode_srgb, to_linear
 from addon.core.optics.aperture_sampling import MAX_VIEWS, views_needed
-from addon.render.average import draw_mean, draw_to_error
+from addon.render.average import draw_mean
 from addon.render.gpu_views import gpu_problem
 from benchmarks.timings.view_error import plain
 
@@ -76,7 +77,7 @@ def test_few_prefiltered_views_look_like_many() -> None:
 @needs_gpu
 @pytest.mark.parametrize("wished", [32.0, 38.0, 44.0])
 def test_a_wished_error_is_met(wished: float) -> None:
-    warped, mean = draw_to_error(meshed(), wished)
+    warped, mean = views_to_error(meshed(), wished, draw_mean)
     found = psnr(displayed(mean), reference())
     print(f"{wished} dB wished, {found:.1f} dB with {len(warped.plan.offsets)} views")
     assert found > wished - 1
@@ -85,7 +86,7 @@ def test_a_wished_error_is_met(wished: float) -> None:
 
 @needs_gpu
 def test_less_blur_takes_fewer_views() -> None:
-    counts = [len(draw_to_error(meshed(radius=r), 50.0)[0].plan.offsets) for r in (0.1, 0.8)]
+    counts = [len(views_to_error(meshed(radius=r), 50.0, draw_mean)[0].plan.offsets) for r in (0.1, 0.8)]
     assert counts[0] < counts[1]
 
 
@@ -93,7 +94,7 @@ def test_less_blur_takes_fewer_views() -> None:
 def test_other_methods_have_a_wished_error_too() -> None:
     frame = meshed("features")
     many = shown(frame.through(256))
-    _, mean = draw_to_error(frame, 36.0)
+    _, mean = views_to_error(frame, 36.0, draw_mean)
     assert psnr(displayed(mean), many) > 35
 
 

@@ -15,9 +15,10 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.highlights import RESTORED, HighlightSettings
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame, mesh_frame
+from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.media.clip import encode_srgb
 from addon.core.warp.layered_mesh import FINER
 from addon.render.average import draw_mean

@@ -13,12 +13,13 @@ from addon.core.base.arrays import Floats, LinearRGBA
 from addon.core.camera.reconstruction import Image, Intrinsics, Reconstruction, rotation_matrix
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame_path import Drawn
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.steadied import Steadied
 from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.clip import open_footage, to_linear
-from addon.render.average import Drawn, render_frame
+from addon.render.average import render_frame
 
 from ..scenes import plane_picture, psnr, slanted_plane, write_plane
 

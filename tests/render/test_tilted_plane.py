@@ -17,9 +17,10 @@ from addon.core.depth.source import PixelDepth
 from addon.core.depth.sparse import FrameFeatures, frame_features
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.inspection import blur_discs
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import MeshedFrame, mesh_frame
+from addon.core.frame.warped_frame import MeshedFrame
 from addon.core.media.clip import encode_srgb
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.render.average import draw_mean

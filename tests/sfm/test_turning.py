@@ -16,9 +16,9 @@ from addon.core.depth.user_depth import UserDepth
 from addon.core.depth.user_maps import DepthMaps, open_depth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame_path import warp_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import warp_frame
 from addon.core.media.clip import Footage, open_footage, to_linear
 from addon.core.sfm import solution
 from addon.core.sfm.process import SolveProcess

@@ -100,3 +100,12 @@ def enlarged(
         large += kept[..., [0, 1, 2, 1]] * (source - at_size(small))
     large[..., 3] = np.minimum(large[..., 3], 1)
     return np.maximum(large, 0)
+
+
+def resized(picture: LinearRGBA, size: tuple[int, int]) -> LinearRGBA:
+    """Return a picture (H, W, 4) in linear light at another size (width, height), without negative light."""
+    if (picture.shape[1], picture.shape[0]) == size:
+        return picture
+    shrinks = size[0] < picture.shape[1]
+    resampled = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)
+    return np.maximum(np.asarray(resampled, dtype=np.float32), 0)

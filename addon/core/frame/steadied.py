@@ -14,10 +14,10 @@ import numpy as np
 from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
+from ..camera.reconstruction import Image
 from ..camera.steady_path import ALONG, SteadyPath, zoomed
 from ..optics.thin_lens import ThinLens
 from ..warp.mesh import WarpMesh
-from .meshers.mesher import FrameGeometry
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,17 @@ class Steadied:
         return replace(mesh, xy=xy, inverse_depth=inverse_depth)
 
 
-def steadied(geometry: FrameGeometry, path: SteadyPath) -> Steadied:
-    """Steady a frame; raises UserError if the focal plane is not in front of the steadier camera."""
-    own, lens = geometry.canvas, geometry.lens
-    image, _ = geometry.clip.reconstruction.image_at(geometry.frame)
+def steadied(image: Image, own: Canvas, lens: ThinLens, path: SteadyPath) -> Steadied:
+    """Steady a frame.
+
+    Raises UserError if the focal plane is not in front of the steadier camera.
+
+    Args:
+        image: The frame's pose.
+        own: Its canvas.
+        lens: The lens there.
+        path: The steadier path of the clip.
+    """
     rotation, translation = path.seen_from(image)
     canvas = Canvas(zoomed(own.camera, path.zoom))
     # The focal plane is a . X = 1: inverse depth is a . ray, and a' . ray' in the other space.
@@ -94,7 +101,7 @@ def steadied(geometry: FrameGeometry, path: SteadyPath) -> Steadied:
     ahead = 1 + float(there @ translation)
     if not (ahead > 0 and there[2] > 0):
         raise UserError(
-            f"frame {geometry.frame}: the steadier camera is past the focal plane; lower Stabilize or focus"
+            f"frame {image.frame}: the steadier camera is past the focal plane; lower Stabilize or focus"
             " farther away"
         )
     across, down, inverse = there / ahead

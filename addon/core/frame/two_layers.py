@@ -12,9 +12,10 @@ from ..base.errors import UserError
 from ..optics.thin_lens import ThinLens
 from ..warp.layered_depth_image import LayeredDepthImage
 from .clip_context import ClipContext
+from .frame_path import mesh_frame
 from .passes import distances, in_source
 from .plan import FrameOptions
-from .warped_frame import MeshedFrame, mesh_frame
+from .warped_frame import MeshedFrame
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Preparation of a frame for its views: depth, blur, number of views, mesh, views."""
+"""Data of a frame before its mesh is made, with its mesh, and with its views."""
 
 from __future__ import annotations
 
@@ -9,30 +9,20 @@ import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA
 from ..base.errors import UserError
-from ..base.progress import stage
-from ..camera.steady_path import LEVELS
-from ..depth.source import NO_PICTURE, SURE, PixelDepth
+from ..depth.source import NO_PICTURE, PixelDepth
 from ..depth.sparse import frame_features
 from ..optics.aperture_sampling import LEAST_PREFILTERED, MAX_VIEWS, MIN_VIEWS, views_needed
 from ..warp.footprint import prefilter
 from ..warp.layered_depth_image import LayeredDepthImage
-from .cg_layers import NO_CG, CGObjects, CGSurface, DrawCG
+from .cg_layers import CGSurface
 from .clip_context import ClipContext
-from .highlight_discs import HighlightDiscs, TrackedDepth, without_small_highlights
+from .highlight_discs import HighlightDiscs
 from .meshers import MESHERS
 from .meshers.layers import can_be_layered
-from .meshers.mesher import FrameGeometry, Mesher, Surface, Views
+from .meshers.mesher import FrameGeometry, Surface, Views
 from .options import check_options
 from .plan import FrameOptions, FramePlan
-from .steadied import Steadied, steadied
-
-FEWEST_SURE = 0.05
-"""Least share of the picture with known depth for layers. Chosen by inspection."""
-TOO_LARGE = "its blur discs are too large for layers"
-TOO_UNSURE = f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be found in the clip"
-DEEP = 0.6
-"""Share of a frame's time without its views for depth, if it must be computed: half or more by `python -m
-benchmarks.timings.frame_costs`."""
+from .steadied import Steadied
 
 
 @dataclass(frozen=True)
@@ -76,17 +66,13 @@ class MeshedFrame:
     """A frame's mesh and texture before the number of views is known."""
 
     geometry: FrameGeometry
-    mesher: Mesher
     surface: Surface
     blur: float
     """Diameter in pixels of its largest blur disc."""
     why: str = ""
+    """The reason for another mesher than the selected one; empty otherwise."""
     depth_seconds: float = 0.0
     mesh_seconds: float = 0.0
-    highlight_discs: HighlightDiscs | None = None
-    steadied: Steadied | None = None
-    """The steadier camera, if any."""
-    cg: CGObjects = NO_CG
 
     @property
     def softer(self) -> float:
@@ -99,7 +85,7 @@ class MeshedFrame:
     @property
     def views(self) -> int:
         """The selected number of views, or that for its largest blur disc in its quality."""
-        return _count(self.geometry.settings, self.blur, self.mesher.is_prefiltered)
+        return _count(self.geometry.settings, self.blur, self.geometry.mesher.is_prefiltered)
 
     def through(
         self, count: int, prefiltered: bool = True, reuse: bool = False, variant: int = 0
@@ -115,12 +101,13 @@ class MeshedFrame:
         """
         began = time.perf_counter()
         geometry, mesh, texture, share = self.geometry, self.surface.mesh, self.surface.texture, 1.0
-        if self.steadied:
+        mesher, moved = geometry.mesher, geometry.steadied
+        if moved:
             # Layers are displaced by the lens for which they were made.
-            mesh, share = self.steadied.mesh(mesh), self.steadied.aperture_share
-            geometry = replace(geometry, canvas=self.steadied.canvas, lens=self.steadied.lens)
-        views = self.mesher.views(geometry, count, variant)
-        if prefiltered and self.mesher.is_prefiltered:
+            mesh, share = moved.mesh(mesh), moved.aperture_share
+            geometry = replace(geometry, canvas=moved.canvas, lens=moved.lens)
+        views = mesher.views(geometry, count, variant)
+        if prefiltered and mesher.is_prefiltered:
             spread, of_layers = np.float32(views.spread), np.float32(share)
             texture = texture if reuse else texture.copy()
             prefilter(
@@ -132,128 +119,20 @@ class MeshedFrame:
             geometry.settings.aperture.vignetting, geometry.settings.aperture.axial_colour,
         )  # fmt: skip
         return WarpedFrame(
-            plan, texture, self.mesher.name, self.why, self.surface.is_whole, geometry.depth,
+            plan, texture, mesher.name, self.why, self.surface.is_whole, geometry.depth,
             self.surface.layers, self.depth_seconds, self.mesh_seconds + time.perf_counter() - began,
-            self.highlight_discs, self.steadied, self._cg_surfaces(count, views.spread),
+            geometry.highlight_discs, moved, self._cg_surfaces(count, views.spread),
         )  # fmt: skip
 
     def _cg_surfaces(self, count: int, spread: float) -> tuple[CGSurface, ...]:
         """Prepare CG objects for a number of views, whose open aperture is `spread` of its radius."""
-        lens, moved = self.geometry.lens, self.steadied
+        lens, moved = self.geometry.lens, self.geometry.steadied
         if moved is not None:
             lens = replace(lens, radius=moved.lens.radius)
-        made = [(each, *each.surface(lens, count, spread)) for each in self.cg.layers]
+        made = [(each, *each.surface(lens, count, spread)) for each in self.geometry.cg.layers]
         return tuple(
             CGSurface(one, moved.mesh(mesh) if moved else mesh, picture) for one, mesh, picture in made
         )
-
-
-def warp_frame(
-    clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int], source: LinearRGBA
-) -> WarpedFrame:
-    """Make mesh and views of a frame of size (width, height) from its picture (height, width, 4).
-
-    Raises UserError as `mesh_frame` does. Passes checkpoints.
-    """
-    meshed = mesh_frame(clip, frame, settings, size, source)
-    return meshed.through(meshed.views, reuse=True)
-
-
-def mesh_frame(
-    clip: ClipContext,
-    frame: int,
-    settings: FrameOptions,
-    size: tuple[int, int],
-    source: LinearRGBA,
-    draw_cg: DrawCG | None = None,
-) -> MeshedFrame:
-    """Make the warp mesh of a frame of size (width, height) from its picture (height, width, 4).
-
-    Passes checkpoints. Raises UserError if the settings do not fit the frame, or the clip cannot be read.
-    """
-    began = time.perf_counter()
-    geometry, mesher, why = _geometry(clip, frame, settings, size, source), MESHERS[settings.method], ""
-    if mesher.needs_pixel_depth and not can_be_layered(geometry.lens, _sampled_disc(geometry)):
-        mesher, why = MESHERS["features"], TOO_LARGE
-    depth_seconds = 0.0
-    if mesher.needs_pixel_depth:
-        started = time.perf_counter()
-        with stage("Depth", 0.0, DEEP):
-            depth = clip.depth(frame, geometry.canvas, geometry.picture, settings.quality)
-        depth_seconds = time.perf_counter() - started
-        geometry = replace(geometry, depth=depth)
-        if depth.confidence is not None and float(np.mean(depth.confidence > SURE)) < FEWEST_SURE:
-            mesher, why = MESHERS["grid"], TOO_UNSURE
-    blur = _sampled_disc(geometry)
-    if geometry.depth is not None and mesher.needs_pixel_depth:
-        lens = geometry.lens
-        blur = lens.largest_disc(lens.untilted_raster(geometry.depth.inverse_depth))
-    cg = NO_CG
-    if draw_cg is not None:
-        with stage("CG objects", DEEP, DEEP):
-            cg = draw_cg(frame, geometry.canvas, geometry.depth)
-        geometry = replace(geometry, picture=cg.shaded(geometry.picture))
-        blur = max([blur, *(each.largest_disc(geometry.lens) for each in cg.layers)])
-    moved = _steadied(geometry)
-    if moved:
-        geometry = replace(geometry, lens=moved.own_lens, beyond=_beyond(geometry, moved))
-    elif mesher.needs_pixel_depth and not cg.layers and not geometry.lens.is_tilted:
-        # Blur of the clip's own lens is completed to that of the user's; not on a steadier path.
-        geometry = replace(geometry, own_lens=clip.own_lens)
-    geometry, highlights = _without_small_highlights(geometry, mesher, moved)
-    with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
-        surface = mesher.make(geometry)
-    spent = time.perf_counter() - began - depth_seconds
-    return MeshedFrame(geometry, mesher, surface, blur, why, depth_seconds, spent, highlights, moved, cg)
-
-
-def _steadied(geometry: FrameGeometry) -> Steadied | None:
-    """Return the frame's view from a steadier path, if selected."""
-    if not geometry.settings.stabilize:
-        return None
-    settings = geometry.settings
-    return steadied(geometry, geometry.clip.steady_path(settings.stabilize, settings.fill_border))
-
-
-def _beyond(geometry: FrameGeometry, steadier: Steadied) -> float:
-    """Return the pixels past a frame's border that a steadier camera sees at the frame's depths."""
-    samples, depth = geometry.samples, geometry.depth
-    if depth is None:
-        inverse = geometry.lens.tilted(samples.inverse_depth, samples.observed)
-    else:
-        inverse = depth.inverse_depth[::8, ::8]
-    return steadier.beyond(np.percentile(inverse, LEVELS))
-
-
-def _without_small_highlights(
-    geometry: FrameGeometry, mesher: Mesher, steadier: Steadied | None
-) -> tuple[FrameGeometry, HighlightDiscs | None]:
-    """Separate the highlights that are drawn as discs from a frame, if they are on and it has layers."""
-    settings, depth, lens = geometry.settings, geometry.depth_to_blur, geometry.lens
-    if (
-        not settings.highlights.gain
-        or depth is None
-        or not mesher.is_prefiltered
-        or not geometry.picture.size
-    ):
-        return geometry, None
-    displacement = lens.displacement(lens.untilted_raster(depth.inverse_depth))
-    picture, highlights = without_small_highlights(
-        geometry.picture, lens.snap_displacement(displacement.astype(np.float32)), settings.aperture,
-        _tracked_depth(geometry),
-    )  # fmt: skip
-    if highlights and steadier:
-        highlights = replace(highlights, steadied=steadier)
-    return replace(geometry, picture=picture), highlights
-
-
-def _tracked_depth(geometry: FrameGeometry) -> TrackedDepth | None:
-    """Return the frame's feature points; None if depth is given or the clip's own lens is completed."""
-    if geometry.clip.given_depth is not None or geometry.own_lens is not None:
-        return None
-    samples, lens = geometry.samples, geometry.lens
-    displacement = lens.displacement(samples.inverse_depth).astype(np.float32)
-    return TrackedDepth(samples.observed, lens.snap_displacement(displacement))
 
 
 def drawn_size(settings: FrameOptions, size: tuple[int, int]) -> tuple[int, int]:
@@ -277,8 +156,8 @@ class Forecast:
 
 def forecast(clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int]) -> Forecast:
     """Forecast the result of `warp_frame`; raises the same errors."""
-    geometry, mesher = _geometry(clip, frame, settings, drawn_size(settings, size)), MESHERS[settings.method]
-    disc = _sampled_disc(geometry)
+    geometry = frame_geometry(clip, frame, settings, drawn_size(settings, size))
+    disc, mesher = sampled_disc(geometry), geometry.mesher
     is_too_large = mesher.needs_pixel_depth and not can_be_layered(geometry.lens, disc)
     prefiltered = mesher.is_prefiltered and not is_too_large
     return Forecast(_count(settings, disc, prefiltered), is_too_large)
@@ -289,14 +168,13 @@ def view_offsets(clip: ClipContext, frame: int, settings: FrameOptions, size: tu
 
     An automatic number is about that of the drawn frame. Raises UserError as `forecast` does.
     """
-    geometry = _geometry(clip, frame, settings, drawn_size(settings, size))
-    mesher = MESHERS[settings.method]
-    count = _count(settings, _sampled_disc(geometry), mesher.is_prefiltered)
-    views: Views = mesher.views(geometry, count, 0)
+    geometry = frame_geometry(clip, frame, settings, drawn_size(settings, size))
+    count = _count(settings, sampled_disc(geometry), geometry.mesher.is_prefiltered)
+    views: Views = geometry.mesher.views(geometry, count, 0)
     return geometry.lens.aperture_positions(views.offsets)
 
 
-def _geometry(
+def frame_geometry(
     clip: ClipContext,
     frame: int,
     settings: FrameOptions,
@@ -305,24 +183,24 @@ def _geometry(
 ) -> FrameGeometry:
     """Collect the data of a frame before its depth; raises UserError for a lens that does not fit it."""
     check_settings(settings)
-    reconstruction = clip.reconstruction
+    reconstruction, mesher = clip.reconstruction, MESHERS[settings.method]
     image, _ = reconstruction.image_at(frame)
     canvas = reconstruction.canvas(image, size)
-    if MESHERS[settings.method].uses_given_depth:
+    if mesher.uses_given_depth:
         samples = clip.samples(frame, canvas)
     else:
         samples = frame_features(reconstruction, frame, canvas)
     lens = settings.focus.lens(reconstruction, frame, canvas.pinhole, settings.radius)
-    if lens.is_tilted and not MESHERS[settings.method].takes_tilt:
+    if lens.is_tilted and not mesher.takes_tilt:
         raise UserError(
             f"the method {settings.method} does not support a tilted focal plane; choose another one"
         )
-    if settings.stabilize and not MESHERS[settings.method].takes_tilt:
+    if settings.stabilize and not mesher.takes_tilt:
         raise UserError(f"the method {settings.method} does not stabilize; choose another one")
     samples = replace(samples, inverse_depth=lens.untilted(samples.inverse_depth, samples.observed))
     lens.check(frame, samples.inverse_depth)
     picture = canvas.from_source(source) if source.size else source
-    return FrameGeometry(clip, settings, canvas, picture, lens, samples, None)
+    return FrameGeometry(clip, settings, mesher, canvas, picture, lens, samples)
 
 
 def _count(settings: FrameOptions, blur: float, prefiltered: bool) -> int:
@@ -333,6 +211,6 @@ def _count(settings: FrameOptions, blur: float, prefiltered: bool) -> int:
     return min(max(wanted, LEAST_PREFILTERED if prefiltered else MIN_VIEWS), MAX_VIEWS)
 
 
-def _sampled_disc(geometry: FrameGeometry) -> float:
+def sampled_disc(geometry: FrameGeometry) -> float:
     """Return the diameter in pixels of the largest blur disc of the frame's samples."""
     return geometry.lens.largest_disc(geometry.samples.inverse_depth)

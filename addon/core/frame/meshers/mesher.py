@@ -16,9 +16,12 @@ from ...optics.registration import exact_registration
 from ...optics.thin_lens import ThinLens
 from ...warp.layered_depth_image import LayeredDepthImage
 from ...warp.mesh import WarpMesh
+from ..cg_layers import NO_CG, CGObjects
 from ..clip_context import ClipContext
+from ..highlight_discs import HighlightDiscs
 from ..own_lens import OwnLens
 from ..plan import FrameOptions
+from ..steadied import Steadied
 
 
 @dataclass(frozen=True)
@@ -27,18 +30,25 @@ class FrameGeometry:
 
     clip: ClipContext
     settings: FrameOptions
+    mesher: Mesher
+    """The selected mesher, or one that replaces it."""
     canvas: Canvas
     picture: LinearRGBA
     """(H, W, 4) picture of the canvas, linear and premultiplied."""
     lens: ThinLens
     samples: DepthSamples
     """Positions of known inverse depth, `lens.untilted`."""
-    depth: PixelDepth | None
+    depth: PixelDepth | None = None
     """Depth of every pixel of the canvas, for meshers that need it; not yet `lens.untilted`."""
+    cg: CGObjects = NO_CG
+    steadied: Steadied | None = None
+    """The steadier camera of the views, if any."""
     own_lens: OwnLens | None = None
     """The camera's lens, if its blur is taken into account."""
     beyond: float = 0.0
     """Pixels past the canvas's border that a steadier camera sees."""
+    highlight_discs: HighlightDiscs | None = None
+    """Highlights that are no longer in the picture."""
 
     @property
     def frame(self) -> int:

@@ -1,0 +1,156 @@
+"""Effects of a frame: parts of the picture that are not geometry.
+
+Each acts before the mesh is made, on the mean of the views, or on the finished picture. `EFFECTS` lists all
+in the order in which they act; a new one is a file and a line here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..base.arrays import LinearRGBA, in_channels
+from ..base.progress import stage
+from ..media.noise import Noise
+from . import detail, grain
+from .highlight_discs import TrackedDepth, without_small_highlights
+from .meshers.mesher import FrameGeometry
+from .vignetting import LEAST_LEFT, light_left
+from .warped_frame import WarpedFrame
+
+LEAST_COVER = 0.05
+"""Least share of the views that cover a pixel for its colour to be completed."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A frame whose views are averaged."""
+
+    warped: WarpedFrame
+    geometry: FrameGeometry
+    small: LinearRGBA
+    """(h, w, 4) the source picture at the size of the views."""
+    source: LinearRGBA
+    """(H, W, 4) the source picture at the final size."""
+    noise: Noise | None
+    """Noise of the clip at the final size; None if it is not visible."""
+    draw: Callable[[WarpedFrame], LinearRGBA]
+    """Draws the mean of a frame's views (h, w, 4) in its canvas."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Final (width, height)."""
+        return self.source.shape[1], self.source.shape[0]
+
+
+def _same_frame(geometry: FrameGeometry) -> FrameGeometry:
+    return geometry
+
+
+def _same_mean(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
+    return mean
+
+
+def _same_picture(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
+    return picture
+
+
+@dataclass(frozen=True)
+class Effect:
+    """The parts of an effect, each of which may be missing."""
+
+    before: Callable[[FrameGeometry], FrameGeometry] = _same_frame
+    """Changes a frame before its mesh is made."""
+    on_mean: Callable[[LinearRGBA, WarpedFrame], LinearRGBA] = _same_mean
+    """Changes the mean of its views (h, w, 4) in its canvas."""
+    after: Callable[[LinearRGBA, Drawing], LinearRGBA] = _same_picture
+    """Changes its picture (H, W, 4) in the geometry of the source."""
+
+
+def _complete_own_lens(geometry: FrameGeometry) -> FrameGeometry:
+    """Complete the blur of the clip's own lens to that of the user's; not on a steadier path."""
+    simple = not (geometry.cg.layers or geometry.lens.is_tilted or geometry.steadied)
+    if not (geometry.mesher.needs_pixel_depth and simple):
+        return geometry
+    return replace(geometry, own_lens=geometry.clip.own_lens)
+
+
+def _remove_highlights(geometry: FrameGeometry) -> FrameGeometry:
+    """Remove the highlights that are drawn as discs from the picture of a frame with layers."""
+    depth, lens, settings = geometry.depth_to_blur, geometry.lens, geometry.settings
+    is_layered = depth is not None and geometry.mesher.is_prefiltered
+    if not (settings.highlights.gain and is_layered and geometry.picture.size):
+        return geometry
+    assert depth is not None
+    displacement = lens.displacement(lens.untilted_raster(depth.inverse_depth))
+    picture, discs = without_small_highlights(
+        geometry.picture, lens.snap_displacement(displacement.astype(np.float32)), settings.aperture,
+        _tracked_depth(geometry),
+    )  # fmt: skip
+    if discs and geometry.steadied:
+        discs = replace(discs, steadied=geometry.steadied)
+    return replace(geometry, picture=picture, highlight_discs=discs)
+
+
+def _tracked_depth(geometry: FrameGeometry) -> TrackedDepth | None:
+    """Return the frame's feature points; None if depth is given or the clip's own lens is completed."""
+    if geometry.clip.given_depth is not None or geometry.own_lens is not None:
+        return None
+    samples, lens = geometry.samples, geometry.lens
+    displacement = lens.displacement(samples.inverse_depth).astype(np.float32)
+    return TrackedDepth(samples.observed, lens.snap_displacement(displacement))
+
+
+def _add_highlights(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
+    if warped.highlight_discs is not None:
+        cg = [each.layer for each in warped.cg]
+        mean[..., :3] += warped.highlight_discs.light(warped.plan, warped.layers, cg)
+    return mean
+
+
+def _normalize_barrel(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
+    """Keep the brightness of what is in focus behind a long barrel."""
+    if warped.plan.vignetting:
+        mean /= in_channels(np.maximum(light_left(warped.plan), np.float32(LEAST_LEFT)), 4)
+    return mean
+
+
+def _close_gaps(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
+    """Give gaps between triangles in some of the views the colour of the other views."""
+    if warped.is_whole:
+        mean /= in_channels(np.maximum(mean[..., 3], np.float32(LEAST_COVER)), 4)
+    return mean
+
+
+def _add_detail(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
+    """Enlarge a picture that is drawn smaller, with the source's detail where it is in focus."""
+    if drawing.small is drawing.source:
+        return picture
+    sharp, share = detail.sharp_frame(drawing.warped), None
+    if sharp is not None:
+        share = np.asarray(sharp.plan.canvas.to_source(drawing.draw(sharp))[..., :3])
+    return detail.enlarged(picture, drawing.small, drawing.source, share)
+
+
+def _add_grain(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
+    """Add noise like the clip's where blur removes it."""
+    warped, noise, settings = drawing.warped, drawing.noise, drawing.geometry.settings
+    if noise is None:
+        return picture
+    with stage("Grain", 1.0, 1.0):
+        painted = grain.lost_frame(warped, noise, drawing.size[0] / warped.plan.canvas.camera.width)
+        lost = detail.resized(painted.plan.canvas.to_source(drawing.draw(painted)), drawing.size)[..., :3]
+    return grain.grained(picture, lost, noise, warped.plan.frame, settings.grain, drawing.source)
+
+
+EFFECTS = (
+    Effect(before=_complete_own_lens),
+    Effect(on_mean=_normalize_barrel),
+    Effect(on_mean=_close_gaps),
+    Effect(before=_remove_highlights, on_mean=_add_highlights),
+    Effect(after=_add_detail),
+    Effect(after=_add_grain),
+)
+"""All effects."""
