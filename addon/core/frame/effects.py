@@ -111,7 +111,7 @@ def _add_highlights(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
 
 
 def _normalize_barrel(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
-    """Keep the brightness of what is in focus behind a long barrel."""
+    """Normalize the light behind a long barrel, so that surfaces in focus keep their brightness."""
     if warped.plan.vignetting:
         mean /= in_channels(np.maximum(light_left(warped.plan), np.float32(LEAST_LEFT)), 4)
     return mean
