@@ -17,7 +17,7 @@ BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
-	@echo "make test-fast  those that need neither Blender nor a solve nor another process"
+	@echo "make test-fast  those without Blender, solves, subjects and other processes"
 	@echo "make test-all  and long solves, real data and the benchmarks' own"
 	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM); BACKEND=vulkan: a part of them"
 	@echo "make test-window-smoke  a few of them, five minutes: install, drop a clip, solve, preview, pick focus, F12, a movie"

@@ -37,7 +37,7 @@ LONGEST = (
 SLOW_LIBRARIES = {"bpy", "gpu", "mathutils", "bpy_extras", "pycolmap", "subprocess", "multiprocessing"}
 SLOW_MODULES = (
     "addon.scene", "addon.render", "addon.ui", "addon.cli", "addon.core.sfm.process", "sample_scenes",
-    "tests.scenes.slanted_shot",
+    "tests.scenes.slanted_shot", "addon.core.subjects.networks", "tests.subjects.walls",
 )  # fmt: skip
 SLOW_FIXTURES = {"registered", "scene", "data", "duck", "desk", "desk_work"}
 DATA_FIXTURES = {"data", "duck"}
@@ -53,7 +53,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--fast", action="store_true", help="only what needs no Blender, solve or other process")
+    parser.addoption(
+        "--fast", action="store_true", help="only what needs no Blender, solve, network or other process"
+    )
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

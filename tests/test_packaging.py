@@ -86,6 +86,7 @@ def test_it_installs_disables_and_enables(built: Path, tmp_path: Path) -> None:
     assert "INSTALLED" in done.stdout, done.stdout + done.stderr
 
 
+@pytest.mark.long
 def test_the_store_gets_a_zip_for_each_platform_and_their_index(tmp_path: Path) -> None:
     website = "https://example.org/docs/index.md"
     subprocess.run(

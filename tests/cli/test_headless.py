@@ -131,6 +131,7 @@ def test_the_thesis_method_renders(work: Path, tmp_path: Path) -> None:
     assert cv2.imread(str(tmp_path / "t" / "0001.png")).shape == (54, 96, 3)
 
 
+@pytest.mark.long
 def test_a_saved_blend_renders_when_it_was_moved(work: Path, tmp_path: Path) -> None:
     done("save", work, "--focus-at", TRACKED, "--views", 4, "--blend", tmp_path / "a" / "tiny.blend")
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["clip.mp4", "tiny.blend"]

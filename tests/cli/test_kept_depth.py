@@ -18,6 +18,7 @@ from ..faults import full_disk
 from ..slanted_clip import keep, video
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", ["a file in its place", "full disk", "limit"])
 def test_depth_that_cannot_be_kept_is_not_called_kept(
     registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,

@@ -87,6 +87,7 @@ def place_of(picture: Path) -> list[float]:
     return [float(column.mean()) + 0.5, float(row.mean()) + 0.5]
 
 
+@pytest.mark.long
 def test_by_processes_side_by_side(blend: Path, tmp_path: Path) -> None:
     done("render", blend, "--out", tmp_path / "two" / "####.png", "--jobs", 2)
     assert contents(tmp_path / "two") == contents(blend.parent / "one")

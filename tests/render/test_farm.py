@@ -349,6 +349,7 @@ def test_jobs_that_are_ended(work: Path, tmp_path: Path, ended: str) -> None:
     assert not list(temporary.glob("virtual-aperture-*"))
 
 
+@pytest.mark.long
 def test_frames_that_no_process_can_render_are_named(work: Path, tmp_path: Path) -> None:
     project = tmp_path / "project"
     shutil.copytree(work.parent / "clip", project / "clip")

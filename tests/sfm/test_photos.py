@@ -90,6 +90,7 @@ def test_kermit_is_placed_as_bundler_placed_it(data: Path, tmp_path: Path) -> No
     assert found.cameras[0].fx == pytest.approx(theirs.cameras[0].fx, rel=0.02)
 
 
+@pytest.mark.long
 def test_photos_from_one_place_are_refused(tmp_path: Path) -> None:
     folder = tmp_path / "fruit"
     folder.mkdir()

@@ -107,6 +107,7 @@ def test_a_movie_that_is_there_is_replaced_only_where_that_is_said(
     assert len(means(out)) == 2
 
 
+@pytest.mark.long
 def test_the_compositor_and_the_border_have_their_part(
     scene: bpy.types.Scene, clip: Path, tmp_path: Path
 ) -> None:
@@ -155,6 +156,7 @@ def test_nothing_stays_of_a_movie_that_is_cancelled(
     assert files(tmp_path) == before and shown().texts == []
 
 
+@pytest.mark.long
 def test_the_next_press_goes_on_after_blender_was_closed(
     scene: bpy.types.Scene, clip: Path, tmp_path: Path
 ) -> None:
