@@ -146,8 +146,9 @@ class ClipContext:
     @cached_property
     def _parts(self) -> MovingParts:
         return MovingParts(
-            self.reconstruction, self.read, self._subjects, self.marked, self.masks, self.matcher
-        )
+            self.reconstruction, self.read, self._subjects, self.marked, self.masks, self.matcher,
+            self.maps is not None,
+        )  # fmt: skip
 
     @cached_property
     def _subjects(self) -> ClipSubjects:

@@ -47,12 +47,16 @@ class MovingParts:
     """Returns opacity (h, w) in [0, 1] of moving pixels in a source frame, any size, by the user's masks."""
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels."""
+    has_maps: bool = False
+    """True if the user has given depth maps."""
 
     @cached_property
     def every_subject(self) -> list[ClipSubject]:
         """The marked subjects, and the people and other moving objects that are not among them."""
         marked = [self.subjects.marked(each) for each in self.marked]
-        return [*marked, *self.people, *self.subjects.others(marked, self.subjects.objects)]
+        # Before a static camera without depth maps, objects have no distance.
+        objects = self.subjects.objects if self.has_maps or not self.reconstruction.stays else []
+        return [*marked, *self.people, *self.subjects.others(marked, objects)]
 
     @cached_property
     def people(self) -> list[ClipSubject]:

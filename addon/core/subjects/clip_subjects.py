@@ -164,10 +164,8 @@ class ClipSubjects:
     def objects(self) -> list[ClipSubject]:
         """The other moving objects of the clip.
 
-        There are none in photos, with a camera that stays in its place, and in clips without certain motion.
+        There are none in photos and in clips without certain motion.
         """
-        if self.reconstruction.stays:
-            return []
         kept = self._kept_objects()
         if kept is None:
             tracks = list(moving_tracks(self.reconstruction, self.read))
