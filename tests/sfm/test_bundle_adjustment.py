@@ -9,9 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import rotation_matrix
-from addon.core.sfm import bundle_adjustment as adjusting
 from addon.core.sfm import small_motion
-from addon.core.sfm.bundle_adjustment import AdjustmentOptions, Bundle, Observations, adjust
+from addon.core.sfm.bundle import Bundle, Observations
+from addon.core.sfm.bundle_adjustment import AdjustmentOptions, adjust
+from addon.core.sfm.normal_equations import pose_derivatives
 from addon.core.sfm.tracks import Tracks
 
 Floats = NDArray[np.float64]
@@ -65,7 +66,7 @@ def test_exact_places_give_the_scene_back() -> None:
 
 def test_derivatives_are_those_of_finite_differences() -> None:
     bundle, seen = scene(frames=3, points=5)
-    camera, point, basis = adjusting.pose_derivatives(bundle, seen, bundle.in_camera(seen))
+    camera, point, basis = pose_derivatives(bundle, seen, bundle.in_camera(seen))
     step = 1e-6
     for k in range(3):
         turn = rotation_matrix(step * np.eye(3)[k])

@@ -18,15 +18,8 @@ from ..base.arrays import Floats, Ints
 from ..camera.intrinsics import Intrinsics
 from ..camera.reconstruction import Reconstruction, turning_speeds
 from . import solution
-from .bundle_adjustment import (
-    Adjusted,
-    AdjustmentOptions,
-    Bundle,
-    Observations,
-    adjust,
-    stretched,
-    turns,
-)
+from .bundle import Bundle, Observations
+from .bundle_adjustment import Adjusted, AdjustmentOptions, adjust, stretched, turns
 from .distortion import SIGMA, undistorted
 from .resection import resected
 from .self_calibration import UNMODELLED, CalibrationOptions, as_bundle, put_back

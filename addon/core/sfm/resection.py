@@ -6,7 +6,9 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints
 from ..camera.reconstruction import rotation_matrix, rotation_vector
-from .bundle_adjustment import Bundle, Observations, pose_derivatives, summed, turns, weights
+from .bundle import Bundle, Observations, weights
+from .bundle_adjustment import turns
+from .normal_equations import pose_derivatives, summed
 from .solution import Solution
 
 STEPS = 6

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.arrays import Floats, Ints
-from .bundle_adjustment import AdjustmentOptions, Bundle, Observations, adjust
+from .bundle import Bundle, Observations
+from .bundle_adjustment import AdjustmentOptions, adjust
 from .small_motion import agreement, select_observations
 from .solution import MIN_VIEWS, Solution
 from .tracks import Tracks

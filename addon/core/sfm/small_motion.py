@@ -13,7 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from ..base.arrays import Floats, Ints
-from .bundle_adjustment import Adjusted, Bundle, Observations, adjust
+from .bundle import Bundle, Observations
+from .bundle_adjustment import Adjusted, adjust
 from .degeneracy import kabsch
 from .tracks import Tracks
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints
 from ..base.errors import Remedy, UserError
-from .bundle_adjustment import Observations
+from .bundle import Observations
 from .small_motion import long_tracks
 from .solution import CLOSE, Solution
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from ..base.arrays import Floats
 from ..camera.reconstruction import rotation_vector
-from .bundle_adjustment import Adjusted, AdjustmentOptions, Bundle, adjust
+from .bundle import Bundle
+from .bundle_adjustment import Adjusted, AdjustmentOptions, adjust
 from .distortion import SIGMA, undistorted
 from .self_calibration import CalibrationOptions, as_bundle
 from .small_motion import LongTracks, general_motion, robust_turn, rotation_only
