@@ -121,3 +121,10 @@ def test_a_draft_takes_depth_that_is_kept_of_normal_and_nothing_else_does(
     )
     is_kept = bool(np.isclose(np.median(kept.inverse_depth), 0.5, atol=1e-3))
     assert is_kept == (quality is not FINAL)
+
+
+def test_large_frames_are_drawn_smaller() -> None:
+    assert NORMAL.drawn_size((1920, 1080)) == (1920, 1080)
+    assert NORMAL.drawn_size((2160, 3840)) == (1080, 1920)
+    assert DRAFT.drawn_size((3840, 2160)) == (960, 540)
+    assert FINAL.drawn_size((7680, 4320)) == (3840, 2160)
