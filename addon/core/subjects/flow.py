@@ -7,13 +7,19 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import Bytes, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 
-KEPT = 24
-"""Flows that are remembered: of twelve frames to the next one and back."""
+type Halves = NDArray[np.float16]
+
+KEPT = 64 << 20
+"""Most bytes of remembered flows: those of 220 frames of 16:9, there and back. Each subject needs all of them
+twice; with 24 flows a still clip of 118 frames computed each four times."""
+PLACES = 24
+"""Remembered maps of places, which follow from flows."""
 AGREE = 1.5
 """Pixels by which flow there and back may miss where it began. By eye."""
 
@@ -36,9 +42,11 @@ class ClipFlow:
     """Registered frames, ascending."""
     picture: Callable[[int], Bytes]
     """A frame's picture (h, w, 3), display-encoded RGB."""
-    _flows: LRUCache[Map] = field(default_factory=lambda: LRUCache[Map](KEPT), repr=False, compare=False)
+    _flows: LRUCache[Halves] = field(
+        default_factory=lambda: LRUCache[Halves](KEPT, lambda flow: flow.nbytes), repr=False, compare=False
+    )
     _places: LRUCache[tuple[Map, Map]] = field(
-        default_factory=lambda: LRUCache[tuple[Map, Map]](KEPT), repr=False, compare=False
+        default_factory=lambda: LRUCache[tuple[Map, Map]](PLACES), repr=False, compare=False
     )
 
     def step(self, frame: int, way: int) -> Map:
@@ -54,13 +62,18 @@ class ClipFlow:
         other = self.frames[at + way]
         key = 2 * at + (way > 0)
 
-        def found() -> Map:
+        def found() -> Halves:
             checkpoint()
             grey = [cv2.cvtColor(self.picture(one), cv2.COLOR_RGB2GRAY) for one in (frame, other)]
             search = cv2.DISOpticalFlow.create(PRESET)
-            return np.asarray(search.calc(*grey, None), np.float32)  # type: ignore[call-overload]
+            flow = np.asarray(search.calc(*grey, None), np.float32)  # type: ignore[call-overload]
+            # Its finest scale is half the size, so that half of its samples hold all of it.
+            small = (flow.shape[1] + 1) // 2, (flow.shape[0] + 1) // 2
+            return np.asarray(cv2.resize(flow, small, interpolation=cv2.INTER_AREA), np.float16)
 
-        return self._flows.get(key, found)
+        kept = self._flows.get(key, found).astype(np.float32)
+        size = self.picture(frame).shape[1::-1]
+        return np.asarray(cv2.resize(kept, size, interpolation=cv2.INTER_LINEAR), np.float32)
 
     def there(self, frame: int, way: int) -> tuple[Map, Map]:
         """Return the places (h, w, 2) of a frame's pixels in the next frame, and their certainty (h, w).

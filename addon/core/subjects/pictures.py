@@ -18,8 +18,8 @@ from .flow import ClipFlow
 LONG_SIDE = 512
 """Pixels of the long side. The networks see crops of at most 256 pixels; a guided filter finds the
 outline at the frame's own size."""
-KEPT = 48
-"""Pictures that are remembered."""
+KEPT = 64 << 20
+"""Most bytes of remembered pictures: 150 of 16:9."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,9 @@ class ClipPictures:
     read: Callable[[int], Pixels]
     """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
     _pictures: LRUCache[Bytes] = field(
-        default_factory=lambda: LRUCache[Bytes](KEPT), repr=False, compare=False
+        default_factory=lambda: LRUCache[Bytes](KEPT, lambda picture: picture.nbytes),
+        repr=False,
+        compare=False,
     )
 
     def picture(self, frame: int) -> Bytes:
