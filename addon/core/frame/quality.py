@@ -29,7 +29,7 @@ class Quality:
     """Divisor of each side of the picture, if it is drawn with dense depth."""
     longest: int = 1920
     """Most pixels of the long side at which it is drawn with dense depth; detail in focus is the source's.
-    With 1920, a clip of 2160x3840 differs by 46.4 dB from one drawn at full size, in a seventh of the time."""
+    With 1920, a clip of 2160x3840 differs by 46.4 dB from full size, in a seventh of the time."""
     stereo: StereoOptions = field(default_factory=StereoOptions)
     """Stereo of key frames."""
     fusion: FusionOptions = field(default_factory=FusionOptions)
