@@ -2,10 +2,11 @@
 
 Runs in the worker process only: pycolmap can take its process along.
 
-Keyframes first, with the focal length held (COLMAP's defaults fail on short video), by pairs of pictures
-with parallax or, where that explains too little, all at once; then the focal length, as far as the clip
-determines it; then every other frame by its pose from the same tracks; then all of it adjusted once more. A
-zoom is taken out of the tracks before, and given back to the frames after the keyframes.
+Keyframes first, with the focal length held (COLMAP's defaults fail on short video): by pairs of pictures
+with parallax or, where that explains too little, all at once. Then the focal length, as far as the clip
+determines it; then every other frame by its pose from the same tracks; then all of it
+adjusted once more. A zoom is taken out of the tracks before, and given back to the frames after the
+keyframes.
 """
 
 from __future__ import annotations
@@ -68,6 +69,9 @@ same depths."""
 GOOD_EXPLAINED = 0.8
 """Share of the observations that a good solve explains; less, and something moves by itself or went
 wrong: other ways are tried."""
+MIN_FOLLOWED = 0.25
+"""Share of the observations that pairs of pictures must explain for other pairs to be tried: they bring 0.46
+to 0.65 in a busy restaurant, and nothing to a walk ahead with 0.22 and to nearly static cameras."""
 MIN_EXPLAINED = 0.565
 """Share of the observations below which a solve is refused. Between the clips of `benchmarks.solving`,
 where a thing of 30 % of the picture that goes its own way leaves 0.58 to 0.63 and the solve is right, and
@@ -305,12 +309,12 @@ class _Keyframes:
 
         if self.parallax >= MIN_PARALLAX:
             keep(self._by_pairs(tracks, focal), "pairs")
-            if found and found[0].explained < good:
+            if found and MIN_FOLLOWED < found[0].explained < good:
                 # It may have followed a moving object: its tracks are removed, and the rest tried.
                 keep(self._by_pairs(_without(tracks, found[0].solution), focal, tracks), "pairs")
-            if found and self.prior.free and max(found, key=lambda each: each.score).explained < good:
-                # Or it began with too short a lens and holds a flat background for all there is.
-                keep(self._by_pairs(tracks, LONGER_FOCAL * focal), "pairs")
+                if self.prior.free and max(found, key=lambda each: each.score).explained < good:
+                    # Or it began with too short a lens and holds a flat background for all there is.
+                    keep(self._by_pairs(tracks, LONGER_FOCAL * focal), "pairs")
         if not found or max(each.explained for each in found) < good:
             keep(self._at_once(tracks), "at once")
         best = max(found, key=lambda each: each.score, default=None)
