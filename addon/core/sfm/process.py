@@ -252,4 +252,4 @@ def _environment() -> dict[str, str]:
     # and the wheels on the path that Blender made for them.
     above = Path(__file__).resolve().parents[3]
     paths = [str(above), *(p for p in sys.path if p)]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"}
+    return os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
