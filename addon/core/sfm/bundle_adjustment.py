@@ -14,7 +14,7 @@ import numpy as np
 from ..base.arrays import Floats, Ints
 from .bundle import Bundle, Observations, cost_of
 from .distortion import SIGMA
-from .normal_equations import Sums, System, normal_equations, summed
+from .normal_equations import Groups, System, normal_equations, summed
 
 
 @dataclass(frozen=True)
@@ -90,9 +90,9 @@ def adjust(
     extra = {"held": 0, "common": 1, "each": frames}[free_focal]
     order = np.argsort(seen.frame, kind="stable")
     seen = Observations(seen.frame[order], seen.point[order], seen.xy[order])
-    sums = Sums.of(seen, frames, len(bundle.points))
+    points = Groups.of(seen.point, len(bundle.points))
     damping = 1e-4
-    system = normal_equations(bundle, seen, sums, loss, extra, tie)
+    system = normal_equations(bundle, seen, points, loss, extra, tie)
     for _ in range(options.steps):
         step = _solved(system, damping)
         if step is not None:
@@ -101,7 +101,7 @@ def adjust(
             if cost < system.cost:
                 fallen = (system.cost - cost) / max(system.cost, 1e-300)
                 bundle, damping = moved, max(damping / 8, 1e-10)
-                system = normal_equations(bundle, seen, sums, loss, extra, tie)
+                system = normal_equations(bundle, seen, points, loss, extra, tie)
                 if fallen < options.settled:
                     break
                 continue

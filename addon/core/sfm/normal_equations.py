@@ -34,49 +34,54 @@ class System:
 
 
 @dataclass(frozen=True)
-class Sums:
-    """Sums over the observations of each frame and of each point."""
+class Groups:
+    """Rows grouped by a number."""
 
-    frames: Ints
-    """(F + 1,) first observation of each frame, and their number; observations are sorted by frame."""
     order: Ints
-    """(m,) observations sorted by point."""
-    points: Ints
-    """(k,) points with observations."""
+    """(m,) rows sorted by their numbers."""
+    numbers: Ints
+    """(k,) numbers with rows, ascending."""
     starts: Ints
     """(k,) their first places in `order`."""
     count: int
-    """Number of all points."""
+    """Number of all groups."""
 
     @classmethod
-    def of(cls, seen: Observations, frames: int, points: int) -> Sums:
-        order = np.argsort(seen.point, kind="stable")
-        numbers, starts = np.unique(seen.point[order], return_index=True)
-        ends = np.searchsorted(seen.frame, np.arange(frames + 1))
-        return cls(ends.astype(np.int32), order.astype(np.int32), numbers, starts.astype(np.int32), points)
+    def of(cls, index: Ints, count: int) -> Groups:
+        """Group rows by their numbers (m,), 0 to `count` - 1."""
+        order = np.argsort(index, kind="stable")
+        numbers, starts = np.unique(index[order], return_index=True)
+        return cls(order.astype(np.int32), numbers, starts.astype(np.int32), count)
 
-    def grams(self, rows: Floats) -> Floats:
-        """Return (F, n, n) sums of the outer products of rows (m, 2, n)."""
-        parts = (rows[a:b].reshape(-1, rows.shape[2]) for a, b in pairwise(self.frames.tolist()))
-        return np.stack([part.T @ part for part in parts])
-
-    def by_point(self, values: Floats) -> Floats:
-        """Return (P, ...) sums of values (m, ...)."""
+    def sums(self, values: Floats) -> Floats:
+        """Return the sums (count, ...) of values (m, ...) in each group."""
         result = np.zeros((self.count, *values.shape[1:]))
-        if len(self.points):
-            result[self.points] = np.add.reduceat(values[self.order], self.starts, axis=0)
+        if len(self.numbers):
+            result[self.numbers] = np.add.reduceat(values[self.order], self.starts, axis=0)
         return result
 
 
+def summed(values: Floats, index: Ints, count: int) -> Floats:
+    """Return (count, ...) sums of (m, ...) by index (m,)."""
+    return Groups.of(index, count).sums(values)
+
+
+def _grams(rows: Floats, frame: Ints, frames: int) -> Floats:
+    """Return the Gram matrices (F, n, n) of each frame's rows (m, 2, n), sorted by frame (m,)."""
+    ends = np.searchsorted(frame, np.arange(frames + 1)).tolist()
+    parts = (rows[a:b].reshape(-1, rows.shape[2]) for a, b in pairwise(ends))
+    return np.stack([part.T @ part for part in parts])
+
+
 def normal_equations(
-    bundle: Bundle, seen: Observations, sums: Sums, loss: float, extra: int, tie: float
+    bundle: Bundle, seen: Observations, points: Groups, loss: float, extra: int, tie: float
 ) -> System:
     """Return the normal equations of an adjustment.
 
     Args:
         bundle: Cameras and points.
         seen: Observations, sorted by frame.
-        sums: Their sums.
+        points: Observations grouped by point.
         loss: Pixels from which the loss is linear.
         extra: Number of free focal lengths: 0, 1 or that of the frames.
         tie: As in `adjust`.
@@ -96,15 +101,15 @@ def normal_equations(
     # Pose, focal length, distortion and residual of an observation in one row.
     rows = np.concatenate([camera, bent, np.nan_to_num(residuals)[..., None]], axis=2) * root[..., None]
     point *= root[..., None]
-    full, right = _camera_equations(sums.grams(rows), extra, lens)
+    full, right = _camera_equations(_grams(rows, seen.frame, frames), extra, lens)
     # Points' derivatives with each column of the rows, and with each other.
     blocks = np.swapaxes(point, 1, 2) @ np.concatenate([rows, point], axis=2)
-    own = sums.by_point(blocks[..., 7:])
+    own = points.sums(blocks[..., 7:])
     cross = np.zeros((len(bundle.points), 3, len(right)))
     at = 6 * seen.frame[:, None] + np.arange(6)
     cross[seen.point[:, None, None], np.arange(3)[:, None], at[:, None, :]] = blocks[..., :6]
     if extra == 1:
-        cross[..., 6 * frames] = sums.by_point(blocks[..., 6])
+        cross[..., 6 * frames] = points.sums(blocks[..., 6])
     elif extra:
         cross[seen.point[:, None], np.arange(3), 6 * frames + seen.frame[:, None]] = blocks[..., 6]
     cross[..., len(right) - lens :] = own[..., :lens]
@@ -192,13 +197,3 @@ def _tangents(points: Floats) -> Floats:
     mirror[:, :1] += sign
     whole = np.eye(4) - 2 * mirror[:, :, None] * mirror[:, None] / (mirror**2).sum(axis=1)[:, None, None]
     return whole[:, :, 1:]
-
-
-def summed(values: Floats, index: Ints, count: int) -> Floats:
-    """Return (count, ...) sums of (m, ...) by index (m,)."""
-    order = np.argsort(index, kind="stable")
-    numbers, starts = np.unique(index[order], return_index=True)
-    result = np.zeros((count, *values.shape[1:]))
-    if len(numbers):
-        result[numbers] = np.add.reduceat(values[order], starts, axis=0)
-    return result

@@ -13,8 +13,6 @@ from ..base.arrays import Bytes, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 
-type Halves = NDArray[np.float16]
-
 KEPT = 64 << 20
 """Most bytes of remembered flows: those of 220 frames of 16:9, there and back. Each subject needs all of them
 twice; with 24 flows a still clip of 118 frames computed each four times."""
@@ -35,6 +33,29 @@ preset, for 0.02 s a frame."""
 
 
 @dataclass(frozen=True)
+class HalfFlow:
+    """Optical flow at half the size of the picture, which is the finest scale of the search."""
+
+    motion: NDArray[np.float16]
+    """(h, w, 2) in pixels of the picture."""
+    size: tuple[int, int]
+    """Width and height of the picture."""
+
+    @classmethod
+    def of(cls, flow: Map) -> HalfFlow:
+        """Halve a flow (H, W, 2)."""
+        size = flow.shape[1], flow.shape[0]
+        small = (size[0] + 1) // 2, (size[1] + 1) // 2
+        return cls(np.asarray(cv2.resize(flow, small, interpolation=cv2.INTER_AREA), np.float16), size)
+
+    @property
+    def whole(self) -> Map:
+        """(H, W, 2) at the picture's size."""
+        motion = self.motion.astype(np.float32)
+        return np.asarray(cv2.resize(motion, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+@dataclass(frozen=True)
 class ClipFlow:
     """Dense optical flow between consecutive registered frames, as pictures of one size show them."""
 
@@ -42,8 +63,10 @@ class ClipFlow:
     """Registered frames, ascending."""
     picture: Callable[[int], Bytes]
     """A frame's picture (h, w, 3), display-encoded RGB."""
-    _flows: LRUCache[Halves] = field(
-        default_factory=lambda: LRUCache[Halves](KEPT, lambda flow: flow.nbytes), repr=False, compare=False
+    _flows: LRUCache[HalfFlow] = field(
+        default_factory=lambda: LRUCache[HalfFlow](KEPT, lambda flow: flow.motion.nbytes),
+        repr=False,
+        compare=False,
     )
     _places: LRUCache[tuple[Map, Map]] = field(
         default_factory=lambda: LRUCache[tuple[Map, Map]](PLACES), repr=False, compare=False
@@ -62,18 +85,14 @@ class ClipFlow:
         other = self.frames[at + way]
         key = 2 * at + (way > 0)
 
-        def found() -> Halves:
+        def found() -> HalfFlow:
             checkpoint()
             grey = [cv2.cvtColor(self.picture(one), cv2.COLOR_RGB2GRAY) for one in (frame, other)]
             search = cv2.DISOpticalFlow.create(PRESET)
             flow = np.asarray(search.calc(*grey, None), np.float32)  # type: ignore[call-overload]
-            # Its finest scale is half the size, so that half of its samples hold all of it.
-            small = (flow.shape[1] + 1) // 2, (flow.shape[0] + 1) // 2
-            return np.asarray(cv2.resize(flow, small, interpolation=cv2.INTER_AREA), np.float16)
+            return HalfFlow.of(flow)
 
-        kept = self._flows.get(key, found).astype(np.float32)
-        size = self.picture(frame).shape[1::-1]
-        return np.asarray(cv2.resize(kept, size, interpolation=cv2.INTER_LINEAR), np.float32)
+        return self._flows.get(key, found).whole
 
     def there(self, frame: int, way: int) -> tuple[Map, Map]:
         """Return the places (h, w, 2) of a frame's pixels in the next frame, and their certainty (h, w).
