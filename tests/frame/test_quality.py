@@ -128,3 +128,5 @@ def test_large_frames_are_drawn_smaller() -> None:
     assert NORMAL.drawn_size((2160, 3840)) == (1080, 1920)
     assert DRAFT.drawn_size((3840, 2160)) == (960, 540)
     assert FINAL.drawn_size((7680, 4320)) == (3840, 2160)
+    # The source has no detail for CG objects.
+    assert NORMAL.drawn_size((3840, 2160), has_cg=True) == (3840, 2160)

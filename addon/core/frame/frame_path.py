@@ -38,7 +38,6 @@ MOST_SOFTER = 0.05
 """Share of a frame that the clip's own lens blurs more than the wished one, from which a note is given.
 Chosen by inspection."""
 
-
 DrawViews = Callable[[WarpedFrame], LinearRGBA]
 """Draws the views of a frame and returns their weighted mean (h, w, 4) in its canvas."""
 
@@ -81,7 +80,7 @@ def draw_frame(
     """
     with stage("Reading", 0.0, READ):
         source = resized(clip.picture(frame, options.highlights), size)
-        small = resized(source, drawn_size(options, size))
+        small = resized(source, drawn_size(options, size, draw_cg is not None))
         noise = clip.noise(frame, size) if options.grain else None
     with stage("Mesh", READ, WARPED):
         meshed = mesh_frame(clip, frame, options, (small.shape[1], small.shape[0]), small, draw_cg)

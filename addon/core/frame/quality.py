@@ -41,9 +41,12 @@ class Quality:
     finds_subjects: bool = True
     """True if moving objects are searched and depth is stored."""
 
-    def drawn_size(self, size: tuple[int, int]) -> tuple[int, int]:
-        """Return the (width, height) at which a frame of a size is drawn."""
-        times = max(self.shrink, max(size) / self.longest)
+    def drawn_size(self, size: tuple[int, int], has_cg: bool = False) -> tuple[int, int]:
+        """Return the (width, height) at which a frame of a size is drawn.
+
+        With CG objects `longest` does not count: the source has no detail for them.
+        """
+        times = self.shrink if has_cg else max(self.shrink, max(size) / self.longest)
         return math.ceil(size[0] / times), math.ceil(size[1] / times)
 
 

@@ -135,13 +135,13 @@ class MeshedFrame:
         )
 
 
-def drawn_size(settings: FrameOptions, size: tuple[int, int]) -> tuple[int, int]:
+def drawn_size(settings: FrameOptions, size: tuple[int, int], has_cg: bool = False) -> tuple[int, int]:
     """Return the (width, height) at which a frame of a size is drawn.
 
     A quality may draw it smaller, with sharp pixels from the frame itself.
     """
     can_be_small = MESHERS[settings.method].needs_pixel_depth and not settings.stabilize
-    return settings.quality.drawn_size(size) if can_be_small else size
+    return settings.quality.drawn_size(size, has_cg) if can_be_small else size
 
 
 @dataclass(frozen=True)

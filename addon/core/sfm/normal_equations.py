@@ -161,7 +161,7 @@ def _camera_equations(grams: Floats, extra: int, lens: int) -> tuple[Floats, Flo
             full[6 * frames : 6 * frames + extra, last] = mixed if extra > 1 else mixed.sum(axis=0)
         full[last, last] = grams[:, terms, terms].sum(axis=0)
         right[last] = grams[:, terms, -1].sum(axis=0)
-    # The upper half.
+    # The lower triangle mirrors the upper one.
     below = np.tril_indices(columns, -1)
     full[below] = full.T[below]
     return full, right
