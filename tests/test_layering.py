@@ -71,6 +71,13 @@ def test_the_core_never_imports_blender_nor_anything_above_it() -> None:
             assert module[:1] != ("addon",) or module[1] == "core", path
 
 
+def test_only_the_list_of_meshers_knows_the_thesis() -> None:
+    room = ("addon", "core", "frame", "meshers", "thesis")
+    others = [path for path in ADDON.rglob("*.py") if path.parent.relative_to(ROOT).parts != room]
+    users = {path for path in others for module in imports(path) if module[: len(room)] == room}
+    assert users == {ADDON / "core/frame/meshers/__init__.py"}
+
+
 def test_pycolmap_stays_in_the_worker() -> None:
     quiet = [p for p in ADDON.rglob("*.py") if not (p.parent.name == "sfm" and p.stem in WORKER)]
     for path in quiet:

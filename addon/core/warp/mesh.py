@@ -16,7 +16,7 @@ from ..base.arrays import Floats, Ints, Map
 from ..base.counting import counted
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
-from ..depth.sparse import DepthSamples, FrameFeatures
+from ..depth.sparse import DepthSamples
 
 MIN_FEATURES = 3
 """Features of a triangle."""
@@ -36,24 +36,6 @@ class WarpMesh:
     """(V,) 1 / z of the vertices in the actual camera, in 1 / scene units; 0 is at infinity."""
     triangles: Ints
     """(T, 3) rows of the vertices."""
-
-
-def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
-    """Make the baseline mesh: Delaunay over the features and the four fixed image corners (section 3.7).
-
-    Raises UserError for too few features, or if they cannot be triangulated.
-    """
-    keep = distinct(features, canvas)
-    width, height = canvas.pinhole.width, canvas.pinhole.height
-    corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
-    texture = np.concatenate([features.observed[keep], corners])
-    # A corner of zero inverse depth is fixed in every view.
-    return WarpMesh(
-        xy=np.concatenate([features.projected[keep], corners]),
-        texture_xy=texture,
-        inverse_depth=np.concatenate([features.inverse_depth[keep], np.zeros(4)]),
-        triangles=delaunay(texture),
-    )
 
 
 def feature_mesh(features: DepthSamples, canvas: Canvas, margin: float) -> WarpMesh:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from . import edges, features, grid, layers, thesis
+from . import features, layers
+from .thesis import edges, grid, thesis
 
 MESHERS = {
     module.MESHER.name: module.MESHER

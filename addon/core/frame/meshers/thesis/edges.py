@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ...warp.edge_constrained import edge_mesh
-from .features import snapped
-from .mesher import FrameGeometry, Mesher, Surface
+from ..features import snapped
+from ..mesher import FrameGeometry, Mesher, Surface
+from .edge_constrained import edge_mesh
 
 
 def make(geometry: FrameGeometry) -> Surface:

@@ -4,21 +4,39 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...base.arrays import Floats
-from ...base.errors import UserError
-from ...camera.canvas import Canvas
-from ...camera.reconstruction import Reconstruction, seen_by
-from ...depth.sparse import FrameFeatures, frame_features
-from ...focus.focus import Focus, check_points
-from ...optics.aperture_sampling import random_disc
-from ...warp.mesh import thesis_mesh
-from .mesher import FrameGeometry, Mesher, Surface, Views
+from ....base.arrays import Floats
+from ....base.errors import UserError
+from ....camera.canvas import Canvas
+from ....camera.reconstruction import Reconstruction, seen_by
+from ....depth.sparse import FrameFeatures, frame_features
+from ....focus.focus import Focus, check_points
+from ....optics.aperture_sampling import random_disc
+from ....warp.mesh import WarpMesh, delaunay, distinct
+from ..mesher import FrameGeometry, Mesher, Surface, Views
 
 
 def make(geometry: FrameGeometry) -> Surface:
     """Triangulate the features and the picture's pinned corners (section 3.4)."""
     features = frame_features(geometry.clip.reconstruction, geometry.frame, geometry.canvas)
     return Surface(thesis_mesh(features, geometry.canvas), geometry.picture)
+
+
+def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
+    """Make the baseline mesh: Delaunay over the features and the four fixed image corners (section 3.7).
+
+    Raises UserError for too few features, or if they cannot be triangulated.
+    """
+    keep = distinct(features, canvas)
+    width, height = canvas.pinhole.width, canvas.pinhole.height
+    corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
+    texture = np.concatenate([features.observed[keep], corners])
+    # A corner of zero inverse depth is fixed in every view.
+    return WarpMesh(
+        xy=np.concatenate([features.projected[keep], corners]),
+        texture_xy=texture,
+        inverse_depth=np.concatenate([features.inverse_depth[keep], np.zeros(4)]),
+        triangles=delaunay(texture),
+    )
 
 
 def views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:

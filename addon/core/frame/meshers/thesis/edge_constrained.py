@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, Ints, LinearRGBA, Mask
-from ..camera.canvas import Canvas
-from ..depth.sparse import DepthSamples
-from ..media.clip import encode_srgb
-from .mesh import WarpMesh, delaunay, distinct, nearest_mean, ring
+from ....base.arrays import Floats, Ints, LinearRGBA, Mask
+from ....camera.canvas import Canvas
+from ....depth.sparse import DepthSamples
+from ....media.clip import encode_srgb
+from ....warp.mesh import WarpMesh, delaunay, distinct, nearest_mean, ring
 
 SHORTEST = 8.0
 """Shortest edge in pixels. Chosen by inspection."""

@@ -13,9 +13,8 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.depth.sparse import DepthSamples, frame_features
 from addon.core.focus.focus import Focus
-from addon.core.frame.plan import FrameOptions
-from addon.core.warp import content_preserving
-from addon.core.warp.content_preserving import (
+from addon.core.frame.meshers.thesis import content_preserving
+from addon.core.frame.meshers.thesis.content_preserving import (
     OUTLIER_NEIGHBOURS,
     STIFFNESS,
     allowed,
@@ -25,8 +24,9 @@ from addon.core.warp.content_preserving import (
     membrane,
     outliers,
 )
+from addon.core.frame.plan import FrameOptions
 
-from ..scenes import planned, slanted_plane
+from ...scenes import planned, slanted_plane
 
 Floats = NDArray[np.float64]
 LENS = Intrinsics(320, 180, 270.0, 270.0, 160.0, 90.0)

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...depth.sparse import FrameFeatures
-from ...warp.content_preserving import allowed, fading, grid_mesh
-from .mesher import FrameGeometry, Mesher, Surface
+from ....depth.sparse import FrameFeatures
+from ..mesher import FrameGeometry, Mesher, Surface
+from .content_preserving import allowed, fading, grid_mesh
 
 
 def make(geometry: FrameGeometry) -> Surface:

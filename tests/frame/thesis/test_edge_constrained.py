@@ -14,9 +14,8 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.sparse import DepthSamples
 from addon.core.focus.focus import Focus
-from addon.core.frame.plan import FrameOptions
-from addon.core.warp import edge_constrained
-from addon.core.warp.edge_constrained import (
+from addon.core.frame.meshers.thesis import edge_constrained
+from addon.core.frame.meshers.thesis.edge_constrained import (
     GAP,
     PIECE,
     TRIM,
@@ -26,9 +25,10 @@ from addon.core.warp.edge_constrained import (
     edge_mesh,
     edge_rows,
 )
+from addon.core.frame.plan import FrameOptions
 from addon.core.warp.mesh import WarpMesh, feature_mesh
 
-from ..scenes import planned, slanted_plane
+from ...scenes import planned, slanted_plane
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.float32]

@@ -19,12 +19,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..base.arrays import Floats, Ints, Mask
-from ..base.errors import UserError
-from ..camera.canvas import Canvas
-from ..camera.reconstruction import Reconstruction
-from ..depth.sparse import DepthSamples
-from .mesh import WarpMesh
+from ....base.arrays import Floats, Ints, Mask
+from ....base.errors import UserError
+from ....camera.canvas import Canvas
+from ....camera.reconstruction import Reconstruction
+from ....depth.sparse import DepthSamples
+from ....warp.mesh import WarpMesh
 
 SOLVER_ACCURACY = 1e-9
 """Residual of conjugate gradients as a share of the right hand side, far below a visible difference."""
