@@ -17,7 +17,6 @@ from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.readers import read_reconstruction, recorded_clip, recorded_depth
 from ..core.readers.matching import Imported
 from ..core.sfm.process import SolveProcess, SolveProgress
-from ..core.sfm.tracks import TRACKERS
 from ..core.sfm.workspace import Solve, keep_import, load_solve
 from ..scene.movieclip import read_movie_clip
 from ..scene.scene_camera import cameras_of, read_scene_camera
@@ -108,9 +107,6 @@ def add_footage(
     )
     command.add_argument("--sensor-mm", type=real, metavar="MM", help="width of the sensor, with --focal-mm")
     command.add_argument(
-        "--tracker", choices=TRACKERS, default=TRACKERS[0], help=f"how features are followed ({TRACKERS[0]})"
-    )
-    command.add_argument(
         "--stills", action="store_true", help="the folder holds unordered photos, not a clip"
     )
     command.add_argument(
@@ -129,7 +125,7 @@ def add_solve_frames(command: argparse.ArgumentParser) -> None:
 def solve_arguments(options: argparse.Namespace) -> list[str]:
     """Return the options of `add_footage` as words for another process's command line, without the clip."""
     words = []
-    for name in ("focal", "focal35", "fov", "focal_mm", "sensor_mm", "tracker"):
+    for name in ("focal", "focal35", "fov", "focal_mm", "sensor_mm"):
         if (value := getattr(options, name)) is not None:
             words += [f"--{name.replace('_', '-')}", str(value)]
     words += ["--frames", str(options.solve_frames)] if options.solve_frames else []
@@ -165,7 +161,7 @@ def solve_clip(
     """
     process = SolveProcess(
         options.footage, work.absolute(), options.solve_frames, _focal(options), options.again,
-        options.tracker, options.zoom, depth_maps=depth_maps, stills=options.stills,
+        options.zoom, depth_maps=depth_maps, stills=options.stills,
     )  # fmt: skip
     _wait(process, check)
     return load_solve(work.absolute(), process.clip.path)

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.sfm import tracks
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.report import UNSURE_DEPTH
 from addon.core.sfm.workspace import load_solve
@@ -36,11 +35,11 @@ from sample_scenes import staging, truth
 from .. import store
 from .ground_truth import Figures, Floats, Mask, Truth, measure
 from .scenes import MOTIONS, Motion
+from .trackers import NAMES as TRACKERS
 
 RESULTS = Path(__file__).parents[1] / "results"
 CODE = (*store.SOLVER, "benchmarks/solving")
 """What a row may depend on."""
-TRACKERS: tuple[str, ...] = getattr(tracks, "TRACKERS", ("corners",))
 FOCALS = ("unknown", "known")
 FILM_SAMPLES = 8
 DEPTH_STEP = 4
@@ -241,9 +240,20 @@ def run(clip: Clip, tracker: str, focal: str, rows: Rows) -> None:
     print(line(row), flush=True)
 
 
+class _Solve(SolveProcess):
+    """A solve by one of the trackers that are compared."""
+
+    def __init__(self, clip: Path, work: Path, focal: float | None, tracker: str, zooms: bool) -> None:
+        self._tracker = tracker
+        super().__init__(clip, work, focal=focal, zooms=zooms)
+
+    def _command(self) -> list[str]:
+        return [*super()._command()[:-1], "benchmarks.solving.trackers", self._tracker]
+
+
 def solve(clip: Path, work: Path, focal: float | None, tracker: str, zooms: bool) -> str:
     """Solve in the worker process into the folder `work`; empty, or why there is no solve."""
-    process = SolveProcess(clip, work, focal=focal, tracker=tracker, zooms=zooms)
+    process = _Solve(clip, work, focal, tracker, zooms)
     began = time.perf_counter()
     try:
         while not process.finished:

@@ -40,7 +40,7 @@ def harris_klt(footage: Footage) -> Tracks:
 def sift_klt(footage: Footage) -> Tracks:
     """SIFT's keypoints, followed as in `harris_klt`; only the detector differs."""
     sift = make_sift()
-    return run(_Followed(lambda gray, free: keypoints(sift, gray, free, described=False).places), footage)
+    return run(_Followed(lambda gray, free: keypoints(sift, gray, free).places), footage)
 
 
 def sift_sift(footage: Footage) -> Tracks:

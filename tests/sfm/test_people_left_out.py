@@ -128,7 +128,7 @@ def solved_with_mask(clip: Path, frames: int, folder: Path) -> list[Message]:
     folder.mkdir()
     job = {
         "footage": str(clip), "frames": list(range(1, frames + 1)), "video": None, "stills": False,
-        "folder": str(folder), "tracker": "harris", "may_stay": False, "cameras": None,
+        "folder": str(folder), "may_stay": False, "cameras": None,
         "lens": {"focal": None, "zooms": False},
     }  # fmt: skip
     (folder / "job.json").write_text(json.dumps(job))

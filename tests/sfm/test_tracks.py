@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from addon.core.base.errors import UserError
 from addon.core.media.clip import open_footage
 from addon.core.sfm import klt, sift, template_tracking
-from addon.core.sfm.klt import KLTTracker, new_corners, new_harris
+from addon.core.sfm.klt import KLTTracker, new_corners
 from addon.core.sfm.tracks import (
-    TRACKERS,
     Tracks,
     are_bridged,
     correlation,
     cuts,
+    match_features,
     run,
     thumbnail,
     track_features,
@@ -29,13 +29,13 @@ from .. import planes
 
 Pictures = list[NDArray[np.uint8]]
 NONE = np.zeros((0, 2), np.float32)
-FLOWING = TRACKERS[:3]
-WITH_LONG = [*FLOWING, pytest.param(TRACKERS[-1], marks=pytest.mark.long)]
+TRACKERS: dict[str, Callable[..., Tracks]] = {"harris": track_features, "sift": match_features}
+WITH_LONG = ["harris", pytest.param("sift", marks=pytest.mark.long)]
 """SIFT takes several seconds of each clip."""
 
 
-def tracked(folder: Path, tracker: str = TRACKERS[0]) -> Tracks:
-    return track_features(open_footage(folder), lambda *_: None, tracker)
+def tracked(folder: Path, tracker: str = "harris") -> Tracks:
+    return TRACKERS[tracker](open_footage(folder), lambda *_: None)
 
 
 def rgb(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -86,7 +86,7 @@ def test_tracks_follow_the_motion(tmp_path: Path, tracker: str) -> None:
     first, start = tracks.in_frame(0)
     last, end = tracks.in_frame(5)
     _, a, b = np.intersect1d(first, last, return_indices=True)
-    assert len(a) > (0.8 if tracker in FLOWING else 0.4) * len(first)
+    assert len(a) > (0.8 if tracker == "harris" else 0.4) * len(first)
     error = np.linalg.norm(end[b] - start[a] - 5 * step, axis=1)
     assert np.median(error) < 0.1
     assert np.mean(error < 0.5) > 0.97
@@ -107,16 +107,15 @@ def test_the_whole_frame_is_covered_and_stays_covered(tmp_path: Path, tracker: s
     tracks = tracked(planes.write_clip(tmp_path / "clip", shifted(12, (8.0, 0.0))), tracker)
     for index in (0, 11):
         xy = tracks.in_frame(index)[1]
-        assert len(xy) > (500 if tracker in ("corners", "harris") else 250)
+        assert len(xy) > (500 if tracker == "harris" else 250)
         assert reached(xy, planes.SIZE) == 1
 
 
-@pytest.mark.parametrize("detect", [new_corners, new_harris, sift.Detector()])
-def test_weak_texture_beside_strong_is_not_forgotten(detect: klt.Detector) -> None:
+def test_weak_texture_beside_strong_is_not_forgotten() -> None:
     gray = planes.texture(*planes.SIZE, 0)
     gray[:, 160:] = 128 + (gray[:, 160:].astype(int) - 128) // 8
-    corners = detect(gray, NONE)
-    assert (corners[:, 0] > 168).sum() > (30 if isinstance(detect, sift.Detector) else 100)
+    corners = new_corners(gray, NONE)
+    assert (corners[:, 0] > 168).sum() > 100
 
 
 def test_where_only_large_things_stand_out_they_are_followed(tmp_path: Path) -> None:
@@ -142,9 +141,8 @@ def test_where_only_large_things_stand_out_they_are_followed(tmp_path: Path) -> 
     assert np.median(np.linalg.norm(end[b][away] - start[a][away] - (7, 0), axis=1)) < 0.7
 
 
-@pytest.mark.parametrize("detect", [new_corners, new_harris, sift.Detector()])
-def test_a_plain_picture_has_no_corners(detect: klt.Detector) -> None:
-    assert len(detect(np.full((240, 320), 90, np.uint8), NONE)) == 0
+def test_a_plain_picture_has_no_corners() -> None:
+    assert len(new_corners(np.full((240, 320), 90, np.uint8), NONE)) == 0
 
 
 @pytest.mark.parametrize("tracker", WITH_LONG)
@@ -170,7 +168,7 @@ def test_flow_alone_would_creep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     folder = planes.write_clip(tmp_path / "clip", clip)
     held, span = ends(tracked(folder), to)
     monkeypatch.setattr(template_tracking, "MAX_MOVE", 0.0)
-    free, free_span = ends(run(klt.TwoScales(klt.new_harris), open_footage(folder)), to)
+    free, free_span = ends(run(klt.TwoScales(klt.new_corners), open_footage(folder)), to)
     assert np.median(held[span >= 20]) < 0.6 * np.median(free[free_span >= 20])
 
 
@@ -414,11 +412,6 @@ def test_tiny_frames_are_no_trouble(tmp_path: Path, tracker: str, size: tuple[in
 def test_two_frames_are_too_few(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="at least 4"):
         tracked(planes.write_clip(tmp_path / "clip", shifted(2, (2.0, 0.0))))
-
-
-def test_an_unknown_tracker_is_named(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"'surf'.*harris, corners, sift-klt, sift"):
-        tracked(planes.write_clip(tmp_path / "clip", shifted(3, (2.0, 0.0))), "surf")
 
 
 def test_what_is_found_is_told_with_its_frame(tmp_path: Path) -> None:

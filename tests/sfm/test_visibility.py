@@ -15,7 +15,7 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.depth.sparse import frame_features
 from addon.core.media.clip import Footage, open_footage
 from addon.core.sfm import visibility
-from addon.core.sfm.tracks import new_corners
+from addon.core.sfm.klt import new_corners
 from addon.core.sfm.visibility import MIN_VIEWS, RADIUS, Visible, visible_points
 from benchmarks.solving import density
 from sample_scenes.stage import Cameras, Stage

@@ -42,7 +42,8 @@ LEVELS = 4
 BORDER = 4
 """Pixels at the frame's edge where no corner is taken: the flow's window would reach over it."""
 QUALITY = 0.002
-"""Smaller eigenvalue of a corner's structure tensor at least, as a share of the frame's largest."""
+"""Least smaller eigenvalue of a corner's structure tensor, as a share of the frame's largest; Harris's
+response is about its square."""
 MIN_STRENGTH = 1e-12
 """Eigenvalue or response of a corner at least, whatever the frame: a plain one has none."""
 HARRIS_K = 0.04
@@ -158,7 +159,7 @@ class TwoScales:
     def _weak(self, gray: Bytes, points: Places) -> Places:
         points = np.concatenate([points, self._taken])
         strength = cv2.cornerMinEigenVal(gray, 3)
-        return _corners(gray, points, strength, COARSE_QUALITY, COARSE_CELLS)
+        return strongest_corners(gray, points, strength, COARSE_QUALITY, COARSE_CELLS)
 
     def _named(self, which: int, numbers: Numbers) -> Numbers:
         """One follower's track numbers among both's."""
@@ -281,22 +282,30 @@ def cell_size(picture: Bytes | Places, cells: int) -> int:
 
 
 def new_corners(gray: Bytes, points: Places) -> Places:
-    """Return the strongest corner (k, 2) of each cell of the frame without a point, if it is a corner.
+    """Return the strongest corner of each cell of the frame without a point, if it is a corner.
 
-    Borders and weak regions are included. Shi and Tomasi, "Good features to track", 1994: the smaller
-    eigenvalue of the structure tensor.
+    Harris and Stephens, "A combined corner and edge detector", 1988. Borders and weak regions are included.
+
+    Args:
+        gray: (H, W) frame.
+        points: (n, 2) places of the points that the frame has.
+
+    Returns:
+        (k, 2) places.
     """
-    strength = cv2.cornerMinEigenVal(gray, 3)
-    return _corners(gray, points, strength, QUALITY, CELLS)
+    return strongest_corners(gray, points, cv2.cornerHarris(gray, 3, 3, HARRIS_K), QUALITY**2, CELLS)
 
 
-def new_harris(gray: Bytes, points: Places) -> Places:
-    """Return `new_corners` by Harris's response (Harris and Stephens, 1988), with its square."""
-    strength = cv2.cornerHarris(gray, 3, 3, HARRIS_K)
-    return _corners(gray, points, strength, QUALITY**2, CELLS)
+def strongest_corners(gray: Bytes, points: Places, strength: Places, quality: float, cells: int) -> Places:
+    """Return the strongest corner (k, 2) of each cell without a point, refined to a fraction of a pixel.
 
-
-def _corners(gray: Bytes, points: Places, strength: Places, quality: float, cells: int) -> Places:
+    Args:
+        gray: (H, W) frame.
+        points: (n, 2) places of the points that the frame has.
+        strength: (H, W) strength of corners; its border is set to 0.
+        quality: Least strength of a corner, as a share of the largest.
+        cells: Number of cells along the longer side.
+    """
     least = max(quality * float(strength.max()), MIN_STRENGTH)
     edge = BORDER
     strength[:edge] = strength[-edge:] = strength[:, :edge] = strength[:, -edge:] = 0

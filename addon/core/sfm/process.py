@@ -26,7 +26,6 @@ from .known_cameras import thinned, write_cameras
 from .report import STAYS
 from .staging import Staging
 from .state import MODEL
-from .tracks import TRACKERS
 from .watching import Sight, decoded
 from .workspace import check_import, check_replaceable, imported_from, is_solved
 
@@ -71,7 +70,6 @@ class SolveProcess:
         frames: FrameRange | None = None,
         focal: Focal | None = None,
         again: bool = False,
-        tracker: str = TRACKERS[0],
         zooms: bool = False,
         yielding: bool = False,
         cameras: Imported | None = None,
@@ -86,7 +84,6 @@ class SolveProcess:
             frames: Range of frames.
             focal: Known focal length.
             again: True to replace a solve.
-            tracker: Name of the tracker.
             zooms: True if the lens zooms.
             yielding: True to give other programs priority, such as the interface.
             cameras: Another program's cameras, which are held.
@@ -107,9 +104,9 @@ class SolveProcess:
         self._identity = identity(self.clip.path)
         pixels = None if focal is None else in_pixels(focal, self.clip.width, self.clip.height)
         self._maps = None if depth_maps is None else open_depth(depth_maps, self.clip)
-        self._options: dict[str, Any] = {"focal": pixels, "tracker": tracker, "zooms": zooms}
+        self._options: dict[str, Any] = {"focal": pixels, "zooms": zooms}
         if cameras is not None:
-            self._options = {"imported": cameras.format, "tracker": tracker}
+            self._options = {"imported": cameras.format}
         # Values that were not requested are taken from the kept solve.
         self._options["stills"] = self.clip.is_stills or None
         if self._is_kept(again):
@@ -143,13 +140,12 @@ class SolveProcess:
         return solved
 
     def _launch(self, folder: Path) -> None:
-        job = {
+        job: dict[str, Any] = {
             "footage": str(self.clip.path),
             "frames": self.clip.frames,
             "video": asdict(video_info(self.clip.path)) if self.clip.is_video else None,
             "folder": str(folder),
             "stills": self.clip.is_stills,
-            "tracker": self._options["tracker"],
             "may_stay": self._maps is not None,
             "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
             "cameras": None,
@@ -163,9 +159,12 @@ class SolveProcess:
                 write_model(folder / CLOUD, thinned(held.reconstruction))
                 job["cloud"] = CLOUD
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
+        self._job.start([*self._command(), str(folder / "job.json")], self._yields, _environment())
+
+    def _command(self) -> list[str]:
+        """Command of the worker, without its job file."""
         # -P: a folder called "addon" in the current directory must not be taken for ours.
-        command = [_python(), "-P", "-m", "addon.core.sfm.worker", str(folder / "job.json")]
-        self._job.start(command, self._yields, _environment())
+        return [_python(), "-P", "-m", "addon.core.sfm.worker"]
 
     def poll(self) -> list[SolveProgress]:
         """Return the events since the last call, with `finished` at the end.

@@ -1,4 +1,4 @@
-"""SIFT keypoints, followed by flow, or matched from frame to frame and over gaps.
+"""SIFT keypoints, matched from frame to frame and over gaps.
 
 Lowe, "Distinctive image features from scale-invariant keypoints", 2004. Places are OpenCV's, the first
 pixel's middle at (0, 0).
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Bytes, Ints, Mask
-from .klt import CELLS, Numbers, Places, best_of_cells, cell_size, neighbour_consistency
+from .klt import CELLS, Numbers, Places, cell_size, neighbour_consistency
 from .template_tracking import Patches, Rows
 
 Descriptors = NDArray[np.float32]
@@ -36,8 +36,6 @@ MIN_SUPPORT = 16
 """Matches that must agree on how the camera moved."""
 MIN_AGREEING = 0.5
 """Share of all matches that must agree on how the camera moved; across a cut, chance has fewer."""
-RENEW = 0.9
-"""Share of the points followed below which new ones are looked for: finding them is slow."""
 
 
 @dataclass
@@ -62,40 +60,15 @@ def make_sift(contrast: float = 0.04) -> cv2.SIFT:
     return cv2.SIFT.create(contrastThreshold=contrast, enable_precise_upscale=True)
 
 
-def keypoints(sift: cv2.SIFT, gray: Bytes, mask: Bytes | None = None, described: bool = True) -> Keypoints:
+def keypoints(sift: cv2.SIFT, gray: Bytes, mask: Bytes | None = None) -> Keypoints:
     """Return the keypoints of a frame (H, W), where a mask of the same shape is not zero."""
-    if described:
-        found, descriptors = sift.detectAndCompute(gray, mask)
-    else:
-        found, descriptors = sift.detect(gray, mask), None
+    found, descriptors = sift.detectAndCompute(gray, mask)
     places = np.asarray(cv2.KeyPoint.convert(found), np.float32).reshape(-1, 2)
     rows = np.sort(np.unique(np.rint(4 * places), axis=0, return_index=True)[1])
     response = np.array([found[row].response for row in rows], np.float32)
     if descriptors is None:
         descriptors = np.zeros((len(places), 128), np.float32)
     return Keypoints(places[rows], response, descriptors[rows])
-
-
-class Detector:
-    """SIFT's keypoints for `KLTTracker`, the strongest of each cell that holds no point."""
-
-    def __init__(self) -> None:
-        self._sift = make_sift(CONTRAST)
-        self._last_count = 0.0
-
-    def __call__(self, gray: Bytes, points: Places) -> Places:
-        """New points (k, 2) of a frame (H, W) beside those there are (n, 2); none while there are enough."""
-        if len(points) > RENEW * self._last_count:
-            return np.zeros((0, 2), np.float32)
-        found = keypoints(self._sift, gray, described=False)
-        column, row = np.clip(np.rint(found.places).astype(int), 0, np.array(gray.shape[::-1]) - 1).T
-        strength, which = np.zeros(gray.shape, np.float32), np.zeros(gray.shape, np.int32)
-        weakest_first = np.argsort(found.response)
-        strength[row[weakest_first], column[weakest_first]] = found.response[weakest_first]
-        which[row[weakest_first], column[weakest_first]] = weakest_first
-        column, row = best_of_cells(strength, 0.0, points, CELLS).T
-        self._last_count = float(len(points) + len(column))
-        return np.asarray(found.places[which[row, column]], np.float32)
 
 
 @dataclass

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Protocol
 
 import cv2
@@ -20,14 +19,8 @@ from ..base.counting import counted
 from ..base.errors import Remedy, UserError
 from ..media.clip import Footage, to_gray8
 from ..media.picture_file import Pixels
-from .klt import TwoScales, follow, new_corners, new_harris
-from .sift import Detector, Matcher
-
-__all__ = ["TRACKERS", "Progress", "Tracks", "check_shape", "cuts", "follow", "new_corners", "track_features"]
-
-TRACKERS = ("harris", "corners", "sift-klt", "sift")
-"""All but the last follow points by optical flow, and differ in which. The first is the default: of 28 solves
-with known truth 28 were right with it, 27 with the second, 24 with the others (`make bench-solve`)."""
+from .klt import TwoScales, new_corners
+from .sift import Matcher
 
 Progress = Callable[[str, int, int], None]
 Watch = Callable[[Pixels, Floats], None]
@@ -94,32 +87,34 @@ class Tracker(Protocol):
         """
 
 
-def track_features(
-    footage: Footage,
-    progress: Progress,
-    tracker: str = TRACKERS[0],
-    watch: Watch = lambda *_: None,
-) -> Tracks:
-    """Follow features through all frames of the clip by one of `TRACKERS`.
+def track_features(footage: Footage, progress: Progress, watch: Watch = lambda *_: None) -> Tracks:
+    """Follow Harris corners by optical flow through all frames of the clip.
 
-    Raises UserError for an unknown tracker and for a clip with too few frames to follow anything.
+    Of 28 solves with known truth 28 were right with these, 27 with corners by the smaller eigenvalue, 24 with
+    SIFT keypoints, followed or matched (`make bench-solve`).
+
+    Args:
+        footage: The clip.
+        progress: Called with the stage, done and all frames.
+        watch: Called with each frame's picture and features.
+
+    Raises:
+        UserError: The clip has too few frames.
     """
-    made: dict[str, Callable[[], Tracker]] = {
-        "corners": lambda: TwoScales(partial(new_corners)),
-        "harris": lambda: TwoScales(partial(new_harris)),
-        "sift-klt": lambda: TwoScales(Detector()),
-        "sift": lambda: Matcher(),
-    }
-    if tracker not in made:
-        raise UserError(f"there is no tracker {tracker!r}; choose one of {', '.join(TRACKERS)}")
-    if len(footage.frames) < 4:
-        raise UserError(
-            f"{footage.path.name} has {counted(len(footage.frames), 'frame')}; at least 4 frames from a"
-            " moving camera are needed; photos can be solved as stills",
-            Remedy.STILLS,
-        )
-    tracks = run(made[tracker](), footage, progress, watch)
-    return _followed(tracks) if tracker == "sift" else tracks
+    return run(TwoScales(new_corners), footage, progress, watch)
+
+
+def match_features(footage: Footage, progress: Progress) -> Tracks:
+    """Match SIFT keypoints between frames: it survives fast motion and finds features again after a gap.
+
+    Args:
+        footage: The clip.
+        progress: Called with the stage, done and all frames.
+
+    Raises:
+        UserError: The clip has too few frames.
+    """
+    return _followed(run(Matcher(), footage, progress))
 
 
 def check_shape(footage: Footage) -> None:
@@ -153,6 +148,12 @@ def run(
         progress: Called with the stage, done and all frames.
         watch: Called with each frame's picture and features.
     """
+    if len(footage.frames) < 4:
+        raise UserError(
+            f"{footage.path.name} has {counted(len(footage.frames), 'frame')}; at least 4 frames from a"
+            " moving camera are needed; photos can be solved as stills",
+            Remedy.STILLS,
+        )
     zoom = min(1.0, LONG_SIDE / max(footage.width, footage.height))
     numbers: list[NDArray[np.int64]] = []
     places: list[NDArray[np.float32]] = []

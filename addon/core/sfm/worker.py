@@ -35,7 +35,7 @@ from .known_cameras import read_cameras
 from .people_left_out import without_people
 from .photo_matching import Photo, find_features, match_all
 from .report import STAYS
-from .tracks import Tracks, are_bridged, check_shape, cuts, track_features
+from .tracks import Tracks, are_bridged, check_shape, cuts, match_features, track_features
 from .visibility import visible_points
 from .watching import Watch
 from .workspace import keep_visible
@@ -155,11 +155,10 @@ def _solve_photos(footage: Footage, job: dict[str, Any], folder: Path) -> dict[s
 def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Solve a clip into the folder; returns the report's figures."""
     check_shape(footage)
-    tracker = job["tracker"]
-    tracks = track_features(footage, _progress, tracker, watch=Watch(send))
+    tracker, tracks = "harris", track_features(footage, _progress, Watch(send))
     if (jumps := cuts(tracks)) and (job["cameras"] or are_bridged(footage, jumps)):
         # Known cameras connect shots. A fast motion of the camera loses corners, but not keypoints.
-        tracker, tracks = "sift", track_features(footage, _progress, "sift")
+        tracker, tracks = "sift", match_features(footage, _progress)
     if job["cameras"] is None:
         refuse_cuts(tracks)
     found = _held(job, tracks, folder) if job["cameras"] else _solved(job, footage, tracks)
@@ -211,9 +210,9 @@ def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
             return found
     except UserError as error:
         refusal = type(error)(f"{error} ({LEFT_OUT})", *error.remedies)
-    if job["tracker"] != "sift" and not isinstance(refusal, StaysError):
+    if not isinstance(refusal, StaysError):
         with contextlib.suppress(UserError):
-            return _mapped(job, footage, track_features(footage, _progress, "sift"), False)
+            return _mapped(job, footage, match_features(footage, _progress), False)
     raise refusal
 
 
