@@ -75,7 +75,7 @@ def lines_by_kind(text: str) -> dict[str, int]:
 
 
 def numbers(module: ast.Module, text: str) -> Iterator[tuple[int, str, int]]:
-    """Yield line, source with docstring, and count of numbers of constants at the top of a module or class."""
+    """Yield line, source with docstring, and count of numbers of all constants of a module."""
     for body in [module.body, *(node.body for node in module.body if isinstance(node, ast.ClassDef))]:
         for node, after in zip(body, [*body[1:], None], strict=True):
             if (
