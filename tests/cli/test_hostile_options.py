@@ -333,7 +333,7 @@ def test_an_import_of_another_clip_s_model_is_told(
     words = ("import", model, "--footage", work.parent / "clip", "--work", tmp_path / "w")
     assert run_command([str(each) for each in words]) == 0
     said = capfd.readouterr().out
-    assert "advice: the points miss the places where the frames show them by" in said
+    assert "advice: renders will be wrong: these cameras miss the clip by" in said
     assert "do not belong to this clip" in said
 
 

@@ -176,7 +176,7 @@ def test_a_still_camera_is_solved_for_the_people_before_it(tmp_path: Path) -> No
     found = read_model(tmp_path / "solve" / "model")
     assert found.stays
     told = report(found, tuple(range(1, 7)), said)
-    assert told.advice.startswith("No depth in this clip: the background's distance is estimated")
+    assert told.advice.startswith("the background's distance is a guess")
     assert told.remedies == (Remedy.DEPTH_MAPS,)
 
 

@@ -113,7 +113,9 @@ def test_a_plane_before_a_moving_camera_is_no_pan() -> None:
     assert Filmed(path=0.6, plane=True, degrees=4.0).depth_evidence().gain > 0.3
 
 
-@pytest.mark.parametrize(("weak", "advice"), [(None, ""), (0.3, "by 30 %"), (1.2, "shows hardly any depth")])
+@pytest.mark.parametrize(
+    ("weak", "advice"), [(None, ""), (0.3, "depth is not exact"), (1.2, "shows hardly any depth")]
+)
 def test_a_solve_says_how_little_depth_its_clip_tells(weak: float | None, advice: str) -> None:
     model = foreign_models.world(points=60)
     said = report(model, tuple(model.frames.tolist()), {"weak_depth": weak}).advice

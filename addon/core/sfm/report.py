@@ -15,11 +15,10 @@ from ..media.clip import describe
 
 STAYS = "turning"
 """The method of a solve whose camera stays in its place: depth is that of maps, or estimated."""
-ESTIMATED = (
-    "No depth in this clip: the background's distance is estimated; depth maps of the clip are more exact:"
-    " solve it again with them"
-)
+ESTIMATED = "the background's distance is a guess; depth maps of the clip are more exact"
 """Advice for a clip that is solved for its people alone."""
+MOVING = "something moves: click it to focus on it"
+"""Advice for a clip in which much of the picture moves."""
 WEAK = 30
 """Feature points; a frame with fewer has a mesh that knows little."""
 GRID = (8, 6)
@@ -145,11 +144,8 @@ class Report:
         return asdict(self)
 
     def advised(self, words: Words) -> str:
-        """Return the advice in a line or two, with the static share if it is small; empty without advice."""
-        lines = []
-        if self.explained is not None and self.explained < EXPLAINED:
-            lines.append(f"only {100 * self.explained:.0f} % of what was tracked stands still")
-        return "\n".join([*lines, *self._advice(words)])
+        """Return the advice in a line; empty without advice."""
+        return "\n".join(self._advice(words))
 
     def _advice(self, words: Words) -> list[str]:
         return [f"advice: {with_words(self.advice, self.remedies, words)}"] if self.advice else []
@@ -268,24 +264,19 @@ def _advice(
     """
     if wrong is not None:
         return (
-            f"the points miss the places where the frames show them by {wrong:.0f} px: these cameras do not"
-            " belong to this clip (another take, other frames, another lens?), and renders will be wrong",
+            f"renders will be wrong: these cameras miss the clip by {wrong:.0f} px (another take or lens?)",
             (),
         )
     if explained is not None and explained < EXPLAINED:
-        return (
-            f"{100 * (1 - explained):.0f} % of what was tracked moves on its own or was tracked wrongly; if"
-            " something moving fills much of the picture, solve a range of frames without it",
-            (Remedy.FRAMES,),
-        )
+        return MOVING, ()
     if estimated:
         return (ESTIMATED, (Remedy.DEPTH_MAPS,))
     without = set(missing)
     places = [place for place, frame in enumerate(frames) if frame not in without]
     if common_step(places) > 1:
         return (
-            f"only {describe([frames[place] for place in places])} has a camera, and those between use their"
-            " neighbours'; import a camera for each, or these frames alone",
+            f"only {describe([frames[place] for place in places])} has a camera; the others use their"
+            " neighbours'",
             (Remedy.STEP,),
         )
     if missing:
@@ -297,20 +288,17 @@ def _advice(
         )
     if depth is not None and depth > UNTOLD_DEPTH:
         return (
-            "the clip shows hardly any depth, because the camera hardly moved and its lens can be mistaken"
-            " for depth; keep the blur small, or film with more sideways movement",
+            "the clip shows hardly any depth: keep the blur small, or film with more sideways movement",
             (),
         )
     if depth is not None and depth > UNSURE_DEPTH:
         return (
-            f"depth is uncertain by {100 * depth:.0f} %, because the camera hardly moved; keep the blur"
-            " small, or film with more sideways movement",
+            "depth is not exact: keep the blur small, or film with more sideways movement",
             (),
         )
     if sigma is not None and sigma > UNSURE_FOCAL and source != "given":
         return (
-            "the focal length cannot be found from the clip, so distances are uncertain by"
-            f" {100 * sigma:.0f} % (blur hardly depends on it); set it",
+            "distances are a guess (blur hardly depends on it); set the focal length",
             (Remedy.FOCAL,),
         )
     if weak:
