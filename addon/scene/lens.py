@@ -209,6 +209,16 @@ def blur_now(settings: bpy.types.PropertyGroup, stored: float) -> float:
     return _blur_at(settings, _frame(settings)) or stored
 
 
+def blur_percent(settings: bpy.types.PropertyGroup) -> float:
+    """Return the blur of the present frame and focus in per cent of the picture's width."""
+    return float(100 * settings.blur)
+
+
+def set_blur_percent(settings: bpy.types.PropertyGroup, value: float) -> None:
+    """Choose the blur in per cent of the picture's width."""
+    settings.blur = value / 100
+
+
 def on_blur(settings: bpy.types.PropertyGroup) -> None:
     """Set the radius from an edited blur, with the present focus at the present frame.
 

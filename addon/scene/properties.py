@@ -301,6 +301,20 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         get_transform=_blur_now,
         update=_edited(lens.on_blur),
     )
+    blur_percent: FloatProperty(
+        name="Background Blur",
+        description="Diameter of the farthest background's blur disc, in per cent of the image width, at the"
+        " current frame and focus",
+        subtype="PERCENTAGE",
+        get=lens.blur_percent,
+        set=lens.set_blur_percent,
+        min=0.01,
+        soft_max=10.0,
+        max=100.0,
+        precision=2,
+        step=10,
+        options=set(),
+    )
     follows_blur: BoolProperty(
         name="Follows Blur",
         description="The radius follows the blur while the first distance is dragged",

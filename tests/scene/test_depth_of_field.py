@@ -97,22 +97,25 @@ def test_sharp_distances_are_those_of_the_command_line(scene: bpy.types.Scene, t
     assert depth_of_field.sharp_words(settings) == f"Sharp: {near:.3g} to {far:.3g}"
 
 
-def test_panels_say_that_a_scale_is_assumed(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_f_stops_are_shown_once_the_scale_is_given(scene: bpy.types.Scene, tmp_path: Path) -> None:
     settings = shot(scene, tmp_path)
     main, scale = panels.main.VIRTUAL_APERTURE_PT_main, panels.lens.VIRTUAL_APERTURE_PT_scale
     settings.focus_distance = 8.0
     shown = draw(main)
-    assert {"blur", "f_stop", "subject_metres"} <= set(shown.props)
-    assert "virtual_aperture.set_scale" in shown.operators and "Assumed: the subject is about" in shown.texts
-    assert "Assumed: the subject is about" in draw(scale).texts
+    assert "blur_percent" in shown.props and not {"f_stop", "subject_metres"} & set(shown.props)
+    assert "virtual_aperture.set_scale" in shown.operators
+    assert "Distance to subject (guess)" in draw(scale).texts
     assert "focus_distance" in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props
     settings.metres_per_unit = 0.25
     shown = draw(main)
-    assert {"blur", "f_stop"} <= set(shown.props) and "subject_metres" not in shown.props
+    assert {"blur_percent", "f_stop"} <= set(shown.props) and "subject_metres" not in shown.props
+    assert settings.blur_percent == pytest.approx(100 * settings.blur)
+    settings.blur_percent = 2.0
+    assert settings.blur == pytest.approx(0.02, abs=1e-4)
     assert "focus_length" in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props
     shown = draw(scale)
     assert {"subject_metres", "metres_per_unit"} <= set(shown.props)
-    assert "Assumed" not in " ".join(shown.texts) and "full-frame equivalent" in " ".join(shown.texts)
+    assert "guess" not in " ".join(shown.texts) and "full-frame equivalent" in " ".join(shown.texts)
     settings.lens = "SENSOR"
     assert "full-frame equivalent" not in " ".join(draw(scale).texts)
 

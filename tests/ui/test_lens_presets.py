@@ -20,7 +20,7 @@ from ..scenes import slanted_shot
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 SUBDIR = VIRTUAL_APERTURE_PT_lens_presets.preset_subdir
 SHIPPED = sorted((ROOT / "presets" / SUBDIR).glob("*.py"))
-AMOUNT = {"blur", "aperture_radius", "f_stop", "follows_blur"}
+AMOUNT = {"blur", "blur_percent", "aperture_radius", "f_stop", "follows_blur"}
 SIZE = re.compile(r"(\d+)_mm_.*f_slash_([\d.]+)\.py")
 
 

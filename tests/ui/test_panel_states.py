@@ -129,7 +129,7 @@ STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
     ("wrong clip", wrong, "the chosen clip is other"),
     ("solving the other clip", solving_the_wrong_one, "Reading the clip ESC cancels"),
     ("depth under way", finding, "Depth: 1 of 3 frames"),
-    ("depth paused", paused, "Good solve"),
+    ("depth paused", paused, "Solved"),
     ("depth failed", failed, "Depth was not found: no space is left"),
     ("a subject unsure", unsure, "Moving subjects are uncertain in 3 frames"),
     ("camera deleted", without("camera"), "The objects of this solve were deleted"),
@@ -163,7 +163,7 @@ def test_panels_draw(
     assert make is not solving_the_wrong_one or "the chosen clip is" not in texts
     # Of a solve that cannot be used nothing is said.
     unsolved = (no_clip, chosen, solving, solving_the_wrong_one, newer)
-    assert ("Good solve" in texts) == (make not in unsolved and settings.points is not None)
+    assert ("Solved" in texts) == (make not in unsolved and settings.points is not None)
     for name in {name for each in shown for name in each.operators}:
         group, operator = name.split(".")
         # It answers whether it may be pressed; why not is a message, without which a button is a riddle.

@@ -146,7 +146,7 @@ def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> No
     assert "Select vertices" in texts and "virtual_aperture.set_focus" in operators
     bpy.ops.virtual_aperture.set_focus()
     props, operators, texts = drawn(closed=False)
-    assert props == {"blur", "f_stop", "subject_metres"} and "virtual_aperture.set_scale" in operators
+    assert props == {"blur_percent"} and "virtual_aperture.set_scale" in operators
     assert "In focus: " in texts
     props, operators, _ = drawn(closed=True)
     assert {"focus_object", "(focus_distance)", "aperture_radius", "frame_start", "quality"} <= props

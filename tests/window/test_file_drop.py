@@ -80,8 +80,8 @@ def test_a_preset_is_chosen_and_undone(program: Program) -> None:
     program.ask(f"{SETTINGS}.focus_distance = 9.0; bpy.ops.ed.undo_push(message='focus'); None")
     before = program.ask(LENS)
     left, _, width, _ = program.rectangle("VIEW_3D", "UI")
-    # Beside the f-stop; a popover cannot be asked for by name.
-    x, y = left + PRESETS * width, program.find(".f_stop", "VIEW_3D", "UI").y
+    # Beside the blur; a popover cannot be asked for by name.
+    x, y = left + PRESETS * width, program.find(".blur_percent", "VIEW_3D", "UI").y
     program.screen.click(x, y)
     program.still()
     program.shot("presets")

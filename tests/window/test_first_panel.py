@@ -116,8 +116,8 @@ def test_all_of_the_daily_work_is_in_sight(program: Program) -> None:
     program.wait(f"not {PREVIEW}.is_busy()", 200)
     look(program, "5_solved")
     in_sight(
-        program, "choose_clip", "virtual_aperture.preview", "pick_focus()", ".blur", ".f_stop",
-        "subject_metres", "set_scale", "render_frame", "render_clip",
+        program, "choose_clip", "virtual_aperture.preview", "pick_focus()", ".blur_percent",
+        "set_scale", "render_frame", "render_clip",
     )  # fmt: skip
     assert program.ask(f"{SETTINGS}.metres_per_unit") == 0
 
@@ -186,8 +186,9 @@ def test_the_rest_is_in_closed_panels(program: Program, name: str) -> None:
             "set_focus()",
         ),
         (
-            "advice", "s.advice = 'depth is uncertain by 4 %, because the camera hardly moved; keep the blur'"
-            " ' small, or film with more sideways movement'", "s.advice = ''", "pick_focus()",
+            "advice",
+            "s.advice = 'depth is not exact: keep the blur small, or film with more sideways movement'",
+            "s.advice = ''", "pick_focus()",
         ),
         ("clip_moved", "s.footage = '/tmp/gone.mp4'", "s.footage = FOOTAGE", "find_clip"),
         ("damaged", "k = s.points; s.points = None", "s.points = k", "restore_objects"),

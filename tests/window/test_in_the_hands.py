@@ -144,8 +144,8 @@ def test_click_on_the_subject(program: Program) -> None:
 
 
 def test_the_f_stop_changes_the_picture(program: Program) -> None:
-    # Of a scale that is assumed: nobody has given one.
-    assert program.ask(f"{SETTINGS}.metres_per_unit") == 0
+    program.ask(f"s = {SETTINGS}; s.metres_per_unit = 0.2; None")
+    program.settle()
     before = detail(frame_seen(program))
     stop = program.ask(f"{SETTINGS}.f_stop")
     button = program.find("virtual_aperture.f_stop", "VIEW_3D", "UI", 0.6)

@@ -230,7 +230,7 @@ def test_overlays(program: Program) -> None:
 
 
 def test_presets(program: Program) -> None:
-    y = program.find(".f_stop", "VIEW_3D", "UI").y
+    y = program.find(".blur_percent", "VIEW_3D", "UI").y
     left, _, right, _ = sidebar(program)
     program.screen.click(left + PRESETS * (right - left), y)
     program.settle()
@@ -242,7 +242,7 @@ def test_presets(program: Program) -> None:
 
 def test_scale(program: Program) -> None:
     scroll(program, UP)
-    y = program.find("subject_metres", "VIEW_3D", "UI").y
+    y = program.find("set_scale", "VIEW_3D", "UI").y
     rest(program)
     left, _, right, _ = sidebar(program)
     keep(program, "scale", (left, y - 90, right, y + 40))

@@ -100,12 +100,12 @@ class Aperture:
     )  # fmt: skip
     """Curvature of the blades' edges: 0 is straight, 1 is an arc of the circle."""
     ratio: float = option(
-        1.0, "Ratio", "Height of blur discs relative to their width, as with an anamorphic lens",
+        1.0, "Anamorphic Squeeze", "Height of blur discs relative to their width, as with an anamorphic lens",
         least=1.0, most=10.0, soft_most=2.0,
     )  # fmt: skip
     """By which it is narrower than high: an anamorphic lens's is 1.33 to 2."""
     obstruction: float = option(
-        0.0, "Central Mirror",
+        0.0, "Mirror Lens",
         "Radius of a mirror lens's secondary mirror, as a fraction of the aperture's: turns blur discs into"
         " rings",
         least=0.0, most=0.95, soft_most=0.7, unit="FACTOR",
@@ -125,7 +125,7 @@ class Aperture:
     """-1 to 1: light moves to the rim (soap bubbles) or to the middle (creamy): 1 + s (2 r^2 - 1) passes,
     which keeps a disc's energy. A look: real lenses have the opposite on the other side of the focus."""
     vignetting: float = option(
-        0.0, "Cat's Eyes",
+        0.0, "Cat's-Eye (Vignetting)",
         "Optical vignetting: how far blur discs are cut off toward the corners, as a fraction of their"
         " radius. What is in focus keeps its brightness",
         least=0.0, most=1.0, unit="FACTOR",
@@ -133,7 +133,7 @@ class Aperture:
     """By how much of its radius the barrel's opening is shifted against the aperture in the picture's
     corners: blur discs there are cat's eyes. In between it is linear in the distance from the middle."""
     axial_colour: float = option(
-        0.0, "Axial Color",
+        0.0, "Color Fringing",
         "How out of focus red and blue are where green is sharp, as a fraction of the blur at infinity: blur"
         " discs have magenta edges in front of the focus and green ones behind it. 0.02 is a fast lens wide"
         " open",

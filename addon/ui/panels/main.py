@@ -100,12 +100,7 @@ def _draw_unsolved(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
 
 def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.virtual_aperture
-    if advice := settings.advice:
-        wrapped(layout, context, operators.sentence(advice), icon="INFO")
-    else:
-        # Scenes that the command line builds have no summary.
-        layout.label(text="Good solve" if settings.summary else "Solved", icon="CHECKMARK")
-    notices.draw_depth(layout, context)
+    layout.label(text="Solved", icon="CHECKMARK")
     row = _large(layout)
     is_shown = preview.is_shown(context)
     row.operator(
@@ -119,8 +114,6 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     _draw_marks(layout, context)
     _draw_missing(layout, context)
     _draw_amount(layout, settings)
-    notices.draw_shape(layout, context)
-    notices.draw_ignored(layout, context)
     row = _large(layout)
     # Without icons: in a narrow sidebar they would cut their names off.
     row.operator(render_clip.VIRTUAL_APERTURE_OT_render_frame.bl_idname)
@@ -128,6 +121,12 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     wrapped(layout, context, render.output_words(context.scene), icon="OUTPUT")
     movie.draw(layout)
     report_list.draw(layout, context)
+    # Below all buttons, which warnings must not move.
+    if advice := settings.advice:
+        wrapped(layout, context, operators.sentence(advice), icon="INFO")
+    notices.draw_depth(layout, context)
+    notices.draw_shape(layout, context)
+    notices.draw_ignored(layout, context)
     # Last: no button moves under the mouse when it ends.
     if searching := first_person.words():
         layout.label(text=searching, icon="TIME")
@@ -167,22 +166,26 @@ def _draw_missing(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
 
 
 def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """Draw the amount of blur as a share of the width and as an f-stop, and the assumed scale."""
-    column = split(layout.column(align=True), with_keys=True)
-    column.prop(settings, "blur")
-    stop = column.row(align=True)
-    stop.active = not lens.is_keyed(settings, "blur")
-    stop.prop(settings, "f_stop")
-    lens_presets.draw_button(stop)
-    if not settings.metres_per_unit > 0 and depth_of_field.subject_metres(settings) > 0:
-        draw_subject(layout, settings)
+    """Draw the amount of blur in per cent of the width, and as an f-stop once the scale is known."""
+    column = split(layout.column(align=True))
+    row = column.row(align=True)
+    row.prop(settings, "blur_percent")
+    # Keys belong to the property that is stored.
+    row.prop_decorator(settings, "blur")
+    lens_presets.draw_button(row)
+    if settings.metres_per_unit > 0:
+        stop = column.row(align=True)
+        stop.active = not lens.is_keyed(settings, "blur")
+        stop.prop(settings, "f_stop")
+    elif depth_of_field.subject_metres(settings) > 0:
+        layout.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname, icon="DRIVER_DISTANCE")
 
 
 def draw_subject(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     """Draw the distance of the subject, which gives the scale; an assumed one is marked."""
     column = layout.column(align=True)
     if not settings.metres_per_unit > 0:
-        column.label(text="Assumed: the subject is about", icon="DRIVER_DISTANCE")
+        column.label(text="Distance to subject (guess)", icon="DRIVER_DISTANCE")
     row = column.split(factor=UNIT, align=True)
     row.use_property_split = False
     row.prop(settings, "subject_metres", text="")
