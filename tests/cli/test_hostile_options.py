@@ -334,7 +334,7 @@ def test_an_import_of_another_clip_s_model_is_told(
     assert run_command([str(each) for each in words]) == 0
     said = capfd.readouterr().out
     assert "advice: renders will be wrong: these cameras miss the clip by" in said
-    assert "do not belong to this clip" in said
+    assert "another take or lens?" in said
 
 
 def test_a_focus_nearer_than_anything_is_refused_by_its_option(

@@ -275,8 +275,8 @@ def _advice(
     places = [place for place, frame in enumerate(frames) if frame not in without]
     if common_step(places) > 1:
         return (
-            f"only {describe([frames[place] for place in places])} has a camera; the others use their"
-            " neighbours'",
+            f"only {describe([frames[place] for place in places])} has a camera; import a camera for each, or"
+            " these frames alone",
             (Remedy.STEP,),
         )
     if missing:

@@ -169,7 +169,7 @@ def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
     """Draw the amount of blur in per cent of the width, and as an f-stop once the scale is known."""
     column = split(layout.column(align=True))
     row = column.row(align=True)
-    row.prop(settings, "blur_percent")
+    row.prop(settings, "blur_percent", text="Blur")
     # Keys belong to the property that is stored.
     row.prop_decorator(settings, "blur")
     lens_presets.draw_button(row)
