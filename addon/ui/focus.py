@@ -49,7 +49,8 @@ def focus_on(
         )
         said = f"{what} {away} away{pulled}"
     aperture_cloud.update(settings)
-    return said + after
+    guessed = "; the distance is estimated" if any(place.is_estimated for place in places) else ""
+    return said + guessed + after
 
 
 class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801

@@ -1,4 +1,4 @@
-"""The focus at a place of the picture: from points that are near, from dense depth, or refused."""
+"""The focus at a place of the picture: from points that are near, from dense depth, or estimated."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from addon.cli.main import run_command
 from addon.core.base.arrays import Floats
 from addon.core.base.errors import UserError
 from addon.core.depth.depth_store import DepthStore
-from addon.core.focus.place import NEAR
+from addon.core.depth.source import FirstKnown
+from addon.core.focus.place import NEAR, PlaceFinder
 from addon.core.focus.pull import inverse_depths
 from addon.core.frame.clip_context import ClipContext
 from addon.core.media.clip import open_footage
@@ -96,15 +97,23 @@ def near_plane() -> Floats:
     return np.column_stack([rng.uniform(0.6, 1.5, 80), rng.uniform(-1, 1, 80), np.full(80, 4.0)])
 
 
-def test_where_nothing_is_known_it_is_refused(tmp_path: Path) -> None:
+def test_where_depth_is_uncertain_it_is_estimated(tmp_path: Path) -> None:
     plain = [np.full((HEIGHT, WIDTH, 3), 90, np.uint8) for _ in CENTRES]
     footage = open_footage(planes.write_clip(tmp_path / "plain", plain))
     points = features()
     corner = points[(points[:, 2] == 4) & (points[:, 1] < -0.3)]
-    with pytest.raises(
-        UserError, match=r"0\.1,0\.9 of frame 5 is unknown: its points are 2\d\d px .* uncertain"
-    ):
-        Shot(footage, poses(CENTRES, corner)).context.places(FRAME).find(0.1, 0.9)
+    finder = Shot(footage, poses(CENTRES, corner)).context.places(FRAME)
+    place = finder.find(0.1, 0.9)
+    assert place.is_estimated and place.source.endswith(", estimated")
+    assert place.distance == pytest.approx(4.0, rel=0.05) and not place.focus.points
+    assert finder.glance(0.1, 0.9).distance == pytest.approx(place.distance)
+
+
+def test_a_frame_without_depth_and_points_is_refused() -> None:
+    nothing = FirstKnown(())
+    finder = PlaceFinder(poses(CENTRES, features()[:1]), nothing, lambda frame: np.zeros((0, 0, 3)), FRAME)
+    with pytest.raises(UserError, match=r"frame 5 shows no depth at 0\.1,0\.9; pick in another frame"):
+        finder.find(0.1, 0.9)
 
 
 def test_the_command_line_says_how_far_and_follows(

@@ -52,6 +52,8 @@ class Place:
     """Name of the subject that it is the whole of."""
     marks: MarkedSubject | None = None
     """New subject of the clip that the place is on."""
+    is_estimated: bool = False
+    """True if the distance is uncertain: that at which the renderer draws the pixel."""
 
 
 @dataclass(frozen=True)
@@ -123,14 +125,14 @@ class PlaceFinder:
         points, _ = self._points(x, y)
         if points is not None and (not pixel.is_sure or self._is_on(pixel, points)):
             return Glance(1 / self._inverse_depth(points), self._seen_at(points))
-        return Glance(1 / pixel.inverse_depth if pixel.is_known else None, nothing)
+        return Glance(1 / pixel.inverse_depth if pixel.inverse_depth > 0 else None, nothing)
 
     def find(self, x: float, y: float, new_subject: Callable[[], Place | None] = lambda: None) -> Place:
         """Find what is in focus at a place of the picture, and its depth if it is not known yet.
 
         The whole of a subject that is there; else the surface that the very pixel shows: through the four
         points around that are near (`NEAR`) and on it, else by the pixel's own depth. Where that is not sure,
-        the points that are near come first.
+        the points that are near come first; without them, the place is estimated.
 
         Args:
             x: Share of the picture's width from the left.
@@ -142,7 +144,7 @@ class PlaceFinder:
             The place.
 
         Raises:
-            UserError: If nothing is known of the place, or it is outside of the picture.
+            UserError: The frame has neither depth nor points, or the place is outside of the picture.
         """
         check_place(self._rec, self.frame, x, y)
         if (subject := self._subject_at(x, y)) is not None:
@@ -161,13 +163,8 @@ class PlaceFinder:
             source = f"points {numbers}, within {away:.0f} px of the place"
             return Place(points, self.frame, 1 / self._inverse_depth(points), source, xy=(x, y))
         origin = "nothing else" if known is None else known.origin
-        if not pixel.is_known:
-            nearest = f"its points are {away:.0f} px away" if np.isfinite(away) else "it has no points"
-            raise UserError(
-                f"the depth at {x:g},{y:g} of frame {self.frame} is unknown: {nearest}, and {origin} is"
-                " uncertain there; focus on a place with texture at the same distance, or set points or a"
-                " distance"
-            )
+        if is_unknown:
+            return self._estimated(x, y, pixel, origin)
         if known is not None and known.confidence is not None:
             origin += f", {100 * pixel.confidence:.0f} % sure"
         if pixel.moves:
@@ -182,6 +179,20 @@ class PlaceFinder:
         world = self._world(x, y, distance)
         focus = Focus(distance=distance)
         return Place(focus, self.frame, distance, f"{origin}; {beside}", world, xy=(x, y))
+
+    def _estimated(self, x: float, y: float, pixel: _Pixel, origin: str) -> Place:
+        """A place of uncertain depth, at the distance of its pixel as drawn, or of the features."""
+        inverse = pixel.inverse_depth
+        if not inverse > 0:
+            if len(self._features.points) < 2:
+                raise UserError(f"frame {self.frame} shows no depth at {x:g},{y:g}; pick in another frame")
+            nearest = pick_features(self._features, self._canvas, x, y)
+            inverse, origin = self._inverse_depth(nearest), "the nearest feature points"
+        distance = 1 / inverse
+        return Place(
+            Focus(distance=distance), self.frame, distance, f"{origin}, estimated",
+            self._world(x, y, distance), xy=(x, y), is_estimated=True,
+        )  # fmt: skip
 
     def world(self, place: Place) -> Floats:
         """Return (3,) where a place of this frame is that was picked in the picture, at its distance."""
