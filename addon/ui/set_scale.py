@@ -24,6 +24,9 @@ def _place(name: str, which: str) -> bpy.props.FloatVectorProperty:
     )  # fmt: skip
 
 
+UNCERTAIN = "the depth of this end is uncertain; click on an edge or texture"
+
+
 class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N801
     """Click both ends of something whose length you know, in the camera view, then type that length: f-stops
     and distances are true from then on"""
@@ -76,6 +79,9 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
         return {"FINISHED"}
 
     def took(self, context: bpy.types.Context, place: Place, _shift: bool) -> Result:
+        if place.is_estimated:
+            self._say(UNCERTAIN[0].upper() + UNCERTAIN[1:])
+            return {"RUNNING_MODAL"}
         self._keep(place)
         return self.confirm(context) if len(self._places) == 2 else {"RUNNING_MODAL"}
 
@@ -90,7 +96,13 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
 
 
 def length_between(clip: ClipContext, ends: Sequence[Place]) -> float:
-    """Between two picked places, in scene units; UserError where they are one."""
+    """Return the distance between two picked places in scene units.
+
+    Raises:
+        UserError: Both are the same place, or one has an estimated depth.
+    """
+    if any(place.is_estimated for place in ends):
+        raise UserError(UNCERTAIN)
     start, end = (clip.places(each.frame).world(each) for each in ends)
     length = float(np.linalg.norm(end - start))
     if not length > 0:

@@ -52,6 +52,11 @@ def test_a_scale_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
     settings = build(scene, shot.footage, slanted_plane(LENS, count=1500))
     with pytest.raises(RuntimeError, match="both ends are in the same place"):
         set_scale(metres=2.0)
+    # No texture, and too few points: a scale from a guess would look right.
+    few = build(scene, shot.footage, slanted_plane(LENS, count=8))
+    with pytest.raises(RuntimeError, match="the depth of this end is uncertain"):
+        set_scale(start=(0.02, 0.02), end=(0.98, 0.98), metres=2.0)
+    assert few.metres_per_unit == 0
     scene.frame_set(40)
     with pytest.raises(RuntimeError, match="frame 40 has no camera"):
         set_scale(start=(0.2, 0.5), end=(0.8, 0.5), metres=2.0)
