@@ -254,9 +254,9 @@ def check_numbers(options: argparse.Namespace) -> None:
         if value is not None and not value > 0:
             raise UserError(f"{name} is {value:g}; it must be greater than zero")
     if options.blur is not None and options.blur > MOST_BLUR:
-        meant = f"; for {options.blur:g} % write {options.blur / 100:g}" if options.blur >= 1 else ""
+        meant = f"; for {options.blur:g}% write {options.blur / 100:g}" if options.blur >= 1 else ""
         raise UserError(
-            f"the blur is {options.blur:g}, which is {100 * options.blur:g} % of the image width{meant};"
+            f"the blur is {options.blur:g}, which is {100 * options.blur:g}% of the image width{meant};"
             f" at most {MOST_BLUR:g} can be drawn"
         )
     if options.target_psnr and options.views:
@@ -440,7 +440,7 @@ def _discs(reconstruction: Reconstruction, focus: Focus, frame: int, radius: flo
     """How large the blur is on either side of the focal plane: seldom alike."""
     width = reconstruction.intrinsics(reconstruction.image_at(frame)[0]).width
     parts = [
-        f"{side * width:.1f} px ({100 * side:.1f} % of the width) {where}" if side > 0 else f"none {where}"
+        f"{side * width:.1f} px ({100 * side:.1f}% of the width) {where}" if side > 0 else f"none {where}"
         for side, where in zip(
             largest_discs(reconstruction, focus, frame, radius),
             ("in front of the focus", "behind it"),

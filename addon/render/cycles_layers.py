@@ -36,7 +36,7 @@ one of two surfaces, and not between."""
 FARTHEST = 1000.0
 """Times the median distance, up to which the clip catches shadows."""
 PREVIEW_SAMPLES = 32
-"""Samples of a preview's CG objects at most, which is denoised. By eye."""
+"""Samples of a preview's CG objects at most, which is denoised. Chosen by inspection."""
 PASSES = {"Image": "RGBA", "Depth": "FLOAT", "Shadow Catcher": "RGBA"}
 """Outputs of a render, with the types of their sockets."""
 

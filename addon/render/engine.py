@@ -245,7 +245,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         if now - self._shown < REDRAW or threading.get_ident() != self._thread:
             return
         self._shown = now
-        self.update_stats("", f"{self._title} | {stage_name or 'Starting'} | {100 * share:.0f} %")
+        self.update_stats("", f"{self._title} | {stage_name or 'Starting'} | {100 * share:.0f}%")
         self.update_progress(share)
 
     def _hand_over(

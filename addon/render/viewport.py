@@ -266,7 +266,7 @@ def _level(wanted: Wanted, picture: Picture | None) -> str:
     if not PREVIEW.finds_depth:
         return said
     stage, share = PREVIEW.progress
-    return f"{said}, finding depth" + (f" {100 * share:.0f} %" if stage else "")
+    return f"{said}, finding depth" + (f" {100 * share:.0f}%" if stage else "")
 
 
 _version = -1

@@ -37,7 +37,8 @@ SOFTWARE = ("llvmpipe", "lavapipe", "softpipe", "swrast", "swiftshader", "basic 
 -m benchmarks.timings.gpu_sweep`)."""
 ALIKE, NEARLY_ALL = 0.5, 0.99
 """Levels by which a GPU's result may differ from the processor's, and the share of pixels in which it may not
-differ by more. By eye: on software OpenGL and Vulkan none of the small picture differs by more than 0.001."""
+differ by more. Chosen by inspection: on software OpenGL and Vulkan no pixel of the small picture differs by
+more than 0.001."""
 SURE = 0.05
 """The same of costs, in grey levels, from which confidence follows."""
 PATIENCE, LOOK = 30.0, 0.05
@@ -140,7 +141,7 @@ def difference() -> str:
     for name, most in (("level", ALIKE), ("rivals", ALIKE), ("cost", SURE), ("spread", SURE)):
         alike = np.mean(np.abs(getattr(ours, name) - getattr(its, name)) < most)
         if alike < NEARLY_ALL:
-            return f"its {name} is another one in {100 * (1 - alike):.1f} % of a test's pixels"
+            return f"its {name} is another one in {100 * (1 - alike):.1f}% of a test's pixels"
     return ""
 
 

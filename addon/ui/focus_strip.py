@@ -25,7 +25,7 @@ from .pick_view import GREEN, SHADE, WHITE, line
 
 SIDE, GAP, EDGE, ROW, TRACK = 48.0, 26.0, 12.0, 14.0, 12.0
 """Pixels at a resolution scale of 1: a thumbnail's side, what is free between two, the strip's edge, a row of
-text, and the height of the track with its ticks. By eye: a gap leaves room for a name."""
+text, and the height of the track with its ticks. Chosen by inspection: a gap leaves room for a name."""
 TEXT = 10
 """Points."""
 SLACK = 4

@@ -23,7 +23,7 @@ from .operators import Result, may_change, reported
 ROOT = Path(__file__).resolve().parents[1]
 """Holds the folder `presets`."""
 THUMBNAIL = 1.6
-"""Rows that a preset is high. By eye."""
+"""Rows that a preset is high. Chosen by inspection."""
 
 
 class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801

@@ -27,7 +27,7 @@ RED = (1.0, 0.3, 0.25, 1.0)
 TINT = (0.15, 0.75, 1.0)
 """Linear RGB of the lit subject: visible on skin, leaves and asphalt."""
 INSIDE, OUTLINE = 0.5, 1.0
-"""Opacities. By eye."""
+"""Opacities. Chosen by inspection."""
 TEXT = 13
 """Points."""
 STROKE = 2.5

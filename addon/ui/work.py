@@ -62,4 +62,4 @@ class Work[T]:
     def _on_progress(self, stage: str, share: float) -> None:
         if self._cancelled.is_set():
             raise Cancelled
-        self.stage = f"{100 * share:.0f} %" if share else stage
+        self.stage = f"{100 * share:.0f}%" if share else stage

@@ -19,14 +19,14 @@ from .tracked_plane import FRAMES, imported, run, work
 __all__ = ["work"]
 
 
-@pytest.mark.parametrize(("blur", "meant"), [("3", "for 3 % write 0.03"), ("1", "for 1 % write 0.01")])
+@pytest.mark.parametrize(("blur", "meant"), [("3", "for 3% write 0.03"), ("1", "for 1% write 0.01")])
 def test_a_blur_in_per_cent_is_refused_with_what_was_meant(
     work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], blur: str, meant: str
 ) -> None:
     lens = ("--focus-distance", 6, "--method", "features", "--blur", blur)
     assert run("render", work, *lens, "--out", tmp_path / "o" / "####.png") == 1
     said = capsys.readouterr().err
-    assert f"the blur is {blur}, which is {blur}00 % of the image width" in said and meant in said
+    assert f"the blur is {blur}, which is {blur}00% of the image width" in said and meant in said
     assert not (tmp_path / "o").exists()
 
 
@@ -103,7 +103,7 @@ def test_discs_before_and_behind_are_said(
     assert front > 1.5 * behind
     said = capsys.readouterr().out
     before, after = (
-        f"{160 * side:.1f} px ({100 * side:.1f} % of the width)" for side in (radius * front, radius * behind)
+        f"{160 * side:.1f} px ({100 * side:.1f}% of the width)" for side in (radius * front, radius * behind)
     )
     assert f"at frame 2: {before} in front of the focus, {after} behind it" in said
     assert "sharp at frame 2:" in said

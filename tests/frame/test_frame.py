@@ -81,7 +81,7 @@ def test_layers_are_the_default(borrow: bool) -> None:
 
 def test_where_hardly_anything_is_sure_one_grid_is_drawn_and_the_reason_given() -> None:
     made, _ = warped(sure_in(0.5 * FEWEST_SURE))
-    assert made.method == "grid" and f"less than {100 * FEWEST_SURE:g} %" in made.why
+    assert made.method == "grid" and f"less than {100 * FEWEST_SURE:g}%" in made.why
     assert not made.layers and made.depth is not None
     chosen, _ = warped(sure_in(1.0), method="grid")
     assert (chosen.method, chosen.why) == ("grid", "")

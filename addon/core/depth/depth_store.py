@@ -55,7 +55,7 @@ RECOUNT = 10.0
 """Seconds after which files are counted again, which other processes write, too."""
 PAUSE, PATIENCE = 0.03, 60.0
 """Seconds between two looks whether another process has made what is needed, and until it is made here
-instead: that one may be stopped. By eye."""
+instead: that one may be stopped. Chosen by inspection."""
 SUREST = 15
 """Steps of confidence from 0 to 1; it is compared with thresholds only."""
 

@@ -330,7 +330,7 @@ def _missed(kind: str, line: Floats, u: Floats, y: Floats) -> tuple[float, float
 def _refusal(frame: int, name: str, missed: float, constant: float) -> UserError:
     return UserError(
         f"the depth map of frame {frame} ({name}) does not fit the clip: it misses the inverse depth of the"
-        f" feature points by {100 * missed:.1f} %, one depth for all of them by {100 * constant:.1f} %;"
+        f" feature points by {100 * missed:.1f}%, one depth for all of them by {100 * constant:.1f}%;"
         " check that the maps belong to this clip, in its order and not mirrored"
     )
 

@@ -67,9 +67,9 @@ class StereoOptions:
     long_side: int = 960
     """Pixels of the longer side that is worked at. Past it, time and memory grow and a blur gains little."""
     levels: tuple[int, int] = (16, 64)
-    """Least and largest number of depth levels. By eye."""
+    """Least and largest number of depth levels. Chosen by inspection."""
     probe_share: float = 0.01
-    """Share of the picture that must be nearer than all points to be believed. By eye."""
+    """Share of the picture that must be nearer than all points to be believed. Chosen by inspection."""
     selection: SelectionOptions = field(default_factory=SelectionOptions)
     """How the neighbours are chosen."""
 
@@ -92,7 +92,7 @@ KEPT_PICTURES = 128 << 20
 KEPT_SPANS = 64
 """Frames whose range of depths and possible source views are remembered."""
 PHOTO_LEVELS = 160
-"""Largest number of depth levels of photos. By eye."""
+"""Largest number of depth levels of photos. Chosen by inspection."""
 COARSE = StereoOptions(long_side=320)
 """Options for the coarse depth of the static scene: a third of the size. Chosen by inspection."""
 

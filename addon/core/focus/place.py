@@ -166,7 +166,7 @@ class PlaceFinder:
         if is_unknown:
             return self._estimated(x, y, pixel, origin)
         if known is not None and known.confidence is not None:
-            origin += f", {100 * pixel.confidence:.0f} % sure"
+            origin += f", {100 * pixel.confidence:.0f}% sure"
         if pixel.moves:
             return self._followed(x, y, pixel.inverse_depth, origin)
         width = self._canvas.camera.width

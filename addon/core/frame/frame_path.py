@@ -27,7 +27,7 @@ from .warped_frame import MeshedFrame, WarpedFrame, drawn_size, frame_geometry, 
 FEWEST_SURE = 0.05
 """Least share of the picture with known depth for layers. Chosen by inspection."""
 TOO_LARGE = "its blur discs are too large for layers"
-TOO_UNSURE = f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be found in the clip"
+TOO_UNSURE = f"the depth of less than {100 * FEWEST_SURE:g}% of its pixels can be found in the clip"
 DEEP = 0.6
 """Share of a frame's time without its views for depth, if it must be computed: half or more by `python -m
 benchmarks.timings.frame_costs`."""

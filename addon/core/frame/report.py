@@ -57,10 +57,10 @@ class FrameReport:
         if self.carried:
             lines.append("camera: interpolated from its neighbours, the frame was not solved")
         if self.sure is not None:
-            lines.append(f"depth: sure in {self.sure:.1f} % of the pixels")
+            lines.append(f"depth: sure in {self.sure:.1f}% of the pixels")
         return [
             *lines,
-            f"mesh: {self.triangles:,} triangles, {self.of_pixel_grid:.1f} % of those of the pixel grid",
+            f"mesh: {self.triangles:,} triangles, {self.of_pixel_grid:.1f}% of those of the pixel grid",
             f"pixels: {_shares(self.own, self.borrowed, self.inpainted)}",
             f"blur: discs of {self.blur_median:.1f} px (median) to {self.blur_largest:.1f} px;"
             f" the picture's last colours are {self.blur_shown:.1f} px",
@@ -130,6 +130,6 @@ def summary(used: Iterable[Used], reports: Iterable[FrameReport] = ()) -> str:
 
 
 def _shares(own: float, borrowed: float, inpainted: float) -> str:
-    text = f"{own:.1f} % their own frame's, {borrowed:.1f} % other frames', {inpainted:.1f} % invented"
+    text = f"{own:.1f}% their own frame's, {borrowed:.1f}% other frames', {inpainted:.1f}% invented"
     nothing = 100 - own - borrowed - inpainted
-    return text + (f", {nothing:.1f} % nothing" if nothing >= 0.05 else "")
+    return text + (f", {nothing:.1f}% nothing" if nothing >= 0.05 else "")

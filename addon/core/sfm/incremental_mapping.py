@@ -186,7 +186,7 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progre
     explained, moving = solution.explained(best)
     if explained < MIN_EXPLAINED:
         raise UserError(
-            f"only {100 * explained:.0f} % of what was tracked fits a scene that stands still: too much"
+            f"only {100 * explained:.0f}% of what was tracked fits a scene that stands still: too much"
             " moves on its own, or the pictures were stabilised or warped afterwards; choose another range"
             " of frames, or solve the clip as it was filmed",
             Remedy.FRAMES,

@@ -73,11 +73,11 @@ class LensReport:
         if not any(self.distortion):
             return "not found, held at 0"
         terms = ", ".join(
-            f"{name} {value:.4f} +- {sigma:.4f}" if value else f"{name} 0"
+            f"{name} {value:.4f} ±{sigma:.4f}" if value else f"{name} 0"
             for name, value, sigma in zip(("k1", "k2"), self.distortion, self.distortion_sigma, strict=True)
         )
         where = "nearer to" if self.corner < 0 else "farther from"
-        return f"{terms}: the corner is {100 * abs(self.corner):.1f} % {where} the middle than a pinhole's"
+        return f"{terms}: the corner is {100 * abs(self.corner):.1f}% {where} the middle than a pinhole's"
 
     def _reads(self) -> str:
         if not any(self.readout):
@@ -87,7 +87,7 @@ class LensReport:
         first = ("left", "top")[axis] if share > 0 else ("right", "bottom")[axis]
         unit, called = (self.frame_ms, "ms") if self.frame_ms else (100.0, "% of a frame's time")
         return (
-            f"{('columns', 'rows')[axis]} are read in {unit * abs(share):.1f} +- {unit * sigma:.1f} {called},"
+            f"{('columns', 'rows')[axis]} are read in {unit * abs(share):.1f} ±{unit * sigma:.1f} {called},"
             f" from the {first} on"
         )
 
@@ -152,7 +152,7 @@ class Report:
 
     def text(self, words: Words) -> str:
         """Return the report for users, with an interface's names of settings."""
-        sigma = "" if self.focal_sigma is None else f" +- {100 * self.focal_sigma:.1f} %"
+        sigma = "" if self.focal_sigma is None else f" ±{100 * self.focal_sigma:.1f}%"
         low, high = self.focal
         lens = f"{low:.0f} px" if high - low < 0.5 else f"{low:.0f} to {high:.0f} px"
         source = {
@@ -173,7 +173,7 @@ class Report:
             f"points        {self.points}; per frame at least {self.points_per_frame[0]}, median"
             f" {self.points_per_frame[1]}, at most {self.points_per_frame[2]}, and {self.added} more seen"
             " by other frames;"
-            f" covering {100 * self.coverage:.0f} % of the picture",
+            f" covering {100 * self.coverage:.0f}% of the picture",
             *bars,
             f"reprojection  {self._reprojection()}",
             f"focal length  {lens}{sigma}, {source[self.focal_from]}",
@@ -183,7 +183,7 @@ class Report:
             " the median, in the model's own unit",
         ]
         if self.explained is not None:
-            lines.append(f"standing still  {100 * self.explained:.0f} % of what was tracked")
+            lines.append(f"standing still  {100 * self.explained:.0f}% of what was tracked")
         if self.weak:
             lines.append(f"weak frames   {ranges(self.weak)} (fewer than {WEAK} points)")
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes), *self._advice(words)])
@@ -195,7 +195,7 @@ class Report:
         return f"{self.reprojection_error:.2f} px{drift}"
 
     def _parallax(self) -> str:
-        unsure = "not known" if self.depth_sigma is None else f"uncertain by {100 * self.depth_sigma:.1f} %"
+        unsure = "not known" if self.depth_sigma is None else f"uncertain by {100 * self.depth_sigma:.1f}%"
         if self.angle is None:
             return f"not measured: no point is seen in two frames; depth {unsure}"
         quartiles = ", ".join(f"{q:.2f}" for q in self.angle)

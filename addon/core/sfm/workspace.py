@@ -79,7 +79,7 @@ class Solve:
         }
         missed = it.reprojection_error
         error = "not measured" if missed is None else f"{missed:.2f} px"
-        sure = f" (+- {100 * it.focal_sigma:.1f} %)" if it.focal_from == "clip" and it.focal_sigma else ""
+        sure = f" (±{100 * it.focal_sigma:.1f}%)" if it.focal_from == "clip" and it.focal_sigma else ""
         return (
             f"{it.registered} of {counted(it.frames, 'frame')} registered,"
             f" {counted(it.points, 'point')}, reprojection error {error},"

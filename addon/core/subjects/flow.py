@@ -19,7 +19,7 @@ twice; with 24 flows a still clip of 118 frames computed each four times."""
 PLACES = 24
 """Remembered maps of places, which follow from flows."""
 AGREE = 1.5
-"""Pixels by which flow there and back may miss where it began. By eye."""
+"""Pixels by which flow there and back may miss where it began. Chosen by inspection."""
 
 INLIER = 1.0
 """Pixels within which flow in a subject agrees with one similarity."""

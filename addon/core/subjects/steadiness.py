@@ -18,7 +18,7 @@ LIKENESS, GROWTH = 0.35, 0.7
 benchmark's scenes a subject found in all frames has an IoU of at least 0.89, and two that cross have 0.37 and
 0.82 in their worst frames. A subject that is lost in most frames is below in 17 of 59."""
 SMALLEST = 0.002
-"""Share of the picture that is too small to be a subject. By eye."""
+"""Share of the picture that is too small to be a subject. Chosen by inspection."""
 
 
 def jumps(masks: Iterable[Mask]) -> list[int]:

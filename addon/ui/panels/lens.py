@@ -13,7 +13,7 @@ from .main import draw_subject
 from .panel import ClosedPanel, split
 
 BOKEH = 5.0
-"""Rows that the picture of the aperture is high. By eye."""
+"""Rows that the picture of the aperture is high. Chosen by inspection."""
 
 
 class VIRTUAL_APERTURE_PT_lens(ClosedPanel, bpy.types.Panel):  # noqa: N801
