@@ -191,7 +191,7 @@ def test_a_frame_that_knows_little_stays_near_the_clip(
         assert errors[name].max() < 0.02
     print({name: f"median {np.median(e):.1e}, largest {e.max():.1e}" for name, e in errors.items()})
     # By itself the wall's noise would be taken for depth, and three points are too few to fit a line to.
-    with pytest.raises(UserError, match=r"misses the inverse depth .* by \d\.\d %, one depth .* by \d\.\d %"):
+    with pytest.raises(UserError, match=r"misses the inverse depth .* by \d\.\d%, one depth .* by \d\.\d%"):
         fit_depth(maps.read(frame), *seen[frame])
     with pytest.raises(UserError, match="knows the depth of 3 feature points of frame 15, 8 are needed"):
         fit_depth(maps.read(frame), *few)
@@ -329,7 +329,7 @@ def test_maps_that_explain_nothing_are_refused(
     good = fit_depth(open_depth(folder, clip).read(8), *seen[8], prior)
     assert good.residual < 0.01
     assert good.explained > 0.5
-    with pytest.raises(UserError, match=r"of frame 15 \(d0015\.png\) does not fit .*by \d+\.\d %, one depth"):
+    with pytest.raises(UserError, match=r"of frame 15 \(d0015\.png\) does not fit .*by \d+\.\d%, one depth"):
         fit_depth(open_depth(folder, clip).read(15), *seen[15], prior)
     for frame in FRAMES:
         cv2.imwrite(str(folder / f"d{frame:04d}.png"), bad)

@@ -284,7 +284,7 @@ def test_a_run_in_one_line() -> None:
     text = summary(used, [replace(report, own=80.0, borrowed=15.0, inpainted=5.0)] * 3)
     assert "7 frames drawn by layers: as chosen" in text
     assert "3 frames (8-9, 12) drawn by grid: little is sure" in text
-    assert "80.0 %" in text and "15.0 %" in text and "5.0 %" in text and "nothing" not in text
+    assert "80.0%" in text and "15.0%" in text and "5.0%" in text and "nothing" not in text
     assert summary([]) == ""
 
 
