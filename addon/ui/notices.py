@@ -23,9 +23,14 @@ def draw_scene(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     except UserError as error:
         wrapped(layout.box(), context, sentence(str(error)), icon="ERROR")
         return
-    if parts.missing(context.scene):
+    if missing := parts.missing(context.scene):
         box = layout.box()
-        wrapped(box, context, "The objects of this solve were deleted", icon="ERROR")
+        text = (
+            "The clip's camera was deleted"
+            if missing == ["camera"]
+            else "The objects of this solve were deleted"
+        )
+        wrapped(box, context, text, icon="ERROR")
         box.operator(VIRTUAL_APERTURE_OT_restore_objects.bl_idname, icon="LOOP_BACK")
 
 

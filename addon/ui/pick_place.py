@@ -10,11 +10,12 @@ import bpy
 
 from ..core.base.arrays import Mask
 from ..core.base.errors import UserError
+from ..core.focus.picking import unsolved
 from ..core.focus.place import Glance, Place, PlaceFinder, shown_at
 from ..scene.depth_of_field import length_words
 from ..scene.remedy_words import WORDS
 from ..scene.timeline import clip_frame
-from .operators import Result
+from .operators import Result, sentence
 from .pick_in_view import PicksInView
 from .pick_view import XY, Overlay
 from .work import Work
@@ -121,7 +122,7 @@ class PicksPlaces(PicksInView):
             return {"RUNNING_MODAL"}
         finder = self._current_finder()
         if finder is None:
-            self._say(f"Frame {clip_frame(self._scene)} was not solved; pick in another frame")
+            self._say(sentence(unsolved(self._context.reconstruction, clip_frame(self._scene))))
             return {"RUNNING_MODAL"}
         self._overlay.mouse = at
         self._seen = []
@@ -152,7 +153,7 @@ class PicksPlaces(PicksInView):
         if isinstance(work.error, UserError):
             text = work.error.worded(WORDS)
             self._overlay.text = "The depth here is unknown"
-            self._say(text[0].upper() + text[1:])
+            self._say(sentence(text))
             return {"RUNNING_MODAL"}
         return self.took(context, work.result(), self._shifted)
 

@@ -7,6 +7,7 @@ import bpy
 from ..core.base.arrays import Mask
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled
+from ..core.focus.picking import unsolved
 from ..core.frame.clip_context import ClipContext
 from ..core.subjects.carried import CarriedSubject
 from ..core.subjects.clip_subjects import united
@@ -14,7 +15,7 @@ from ..core.subjects.strokes import MarkedSubject, Stroke, down, nearest_to, pla
 from ..scene import redraw, subjects
 from ..scene.shot import reconstruction_of
 from ..scene.timeline import clip_frame
-from .operators import Result, reported
+from .operators import Result, reported, sentence
 from .pick_in_view import PicksInView
 from .pick_view import Overlay
 from .work import LOOK, Work
@@ -112,8 +113,8 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
             places = ()
         if not places:
             raise UserError(f"the stroke {self.places!r} is not valid; write places such as {EXAMPLE}")
-        if frame not in reconstruction_of(settings).frames:
-            raise UserError(f"frame {frame} was not solved; draw the stroke in another frame")
+        if frame not in (solved := reconstruction_of(settings)).frames:
+            raise UserError(unsolved(solved, frame))
         name, strokes = self._subject(settings)
         made = with_stroke(strokes, Stroke(frame, places, not self.take_away), self.extend)
         self._check(made)
@@ -172,7 +173,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         if not self._view.is_through_camera() or at is None:
             self._say("Draw in the camera view (Numpad 0 looks through the camera)")
         elif frame not in self._context.reconstruction.frames:
-            self._say(f"Frame {frame} was not solved; draw in another frame")
+            self._say(sentence(unsolved(self._context.reconstruction, frame)))
         elif event.ctrl and not self._shown.masks and not any(stroke.adds for stroke in self._steps[-1]):
             self._say(NOTHING)
         else:

@@ -13,7 +13,7 @@ from ..core.frame.clip_context import ClipContext
 from ..scene import depth_of_field
 from ..scene.shot import shot_of
 from ..scene.timeline import clip_frame
-from .operators import Result, reported
+from .operators import Result, reported, sentence
 from .pick_place import PicksPlaces
 
 
@@ -80,7 +80,7 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
 
     def took(self, context: bpy.types.Context, place: Place, _shift: bool) -> Result:
         if place.is_estimated:
-            self._say(UNCERTAIN[0].upper() + UNCERTAIN[1:])
+            self._say(sentence(UNCERTAIN))
             return {"RUNNING_MODAL"}
         self._keep(place)
         return self.confirm(context) if len(self._places) == 2 else {"RUNNING_MODAL"}

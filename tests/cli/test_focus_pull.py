@@ -73,7 +73,7 @@ def test_a_pulled_frame_is_the_one_at_its_distance(work: Path, tmp_path: Path) -
         (("0.2,0.5@2", "0.8,0.4"), "focus at 0.8,0.4 has no frame; a focus pull needs X,Y@FRAME"),
         (("0.2,0.5@2", "0.8,0.5@2"), "two focus marks are at frame 2"),
         (("0.2,0.5@2", "0.8,1.5@4"), "0.8,1.5 is outside the picture"),
-        (("0.2,0.5@2", "0.8,0.5@40"), "frame 40 has no camera to pick a focus in"),
+        (("0.2,0.5@2", "0.8,0.5@40"), "frame 40 is after the end of the clip"),
     ],
 )
 def test_marks_that_make_no_pull_are_refused(

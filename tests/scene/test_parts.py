@@ -65,7 +65,8 @@ def test_what_was_deleted_is_restored(scene: bpy.types.Scene, tmp_path: Path, na
         bpy.data.objects.remove(getattr(settings, name))
     assert parts.missing(scene) == [parts.PARTS[name]]
     shown = draw(MAIN)
-    assert "The objects of this solve were deleted" in " ".join(shown.texts)
+    said = "The clip's camera was deleted" if name == "camera" else "The objects of this solve were deleted"
+    assert said in " ".join(shown.texts)
     assert "virtual_aperture.restore_objects" in shown.operators
     # Nothing is half there: the same picture, or a word why not.
     if name in ("root", "aperture") or (name == "points" and how == "deleted"):

@@ -69,7 +69,7 @@ def test_a_pick_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
     shot = slanted_shot(tmp_path, LENS, FRAMES)
     settings = build(scene, shot.footage, shot.reconstruction)
     scene.frame_set(40)
-    with pytest.raises(RuntimeError, match="frame 40 has no camera to pick a focus in"):
+    with pytest.raises(RuntimeError, match="frame 40 is after the end of the clip"):
         OPERATORS.pick_focus()
     assert not len(settings.marks.items) and not lens.is_in_focus(settings)
     settings.footage = str(tmp_path / "gone")
@@ -167,7 +167,7 @@ def test_a_solve_puts_something_in_focus(
     assert "; focused on the nearest large object near the centre" in capsys.readouterr().out
     assert settings.marks.is_first and len(settings.focus_points) == 4 and settings.aperture_radius > 0
     texts = " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
-    assert "In focus: the nearest large object near the centre" in texts
+    assert "Automatic focus" in texts
     assert OPERATORS.render_frame.poll()
     # It is nobody's pick: kept over a solve as it is, and told as long as nothing else is picked.
     assert OPERATORS.solve() == {"FINISHED"} and settings.marks.is_first

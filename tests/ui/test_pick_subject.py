@@ -85,7 +85,7 @@ def test_a_stroke_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match="there is nothing to take away from yet"):
         OPERATORS.pick_subject(places="0.5,0.5", take_away=True)
     scene.frame_set(40)
-    with pytest.raises(RuntimeError, match="frame 40 was not solved"):
+    with pytest.raises(RuntimeError, match="frame 40 is after the end of the clip"):
         OPERATORS.pick_subject(places="0.5,0.5")
     assert not len(settings.subjects.items)
     for operator in (OPERATORS.focus_subject, OPERATORS.carry_subject, OPERATORS.remove_subject):

@@ -11,6 +11,8 @@ from .focus import Focus
 from .picking import pick_features
 from .place import Place
 
+NEAREST = "the nearest large object near the centre"
+"""Source of the distance."""
 WINDOW = 0.6
 """Share of the picture's width and height, around its middle, that is searched. Chosen by inspection."""
 CELLS = 12
@@ -45,7 +47,7 @@ def first_place(reconstruction: Reconstruction, frame: int) -> Place | None:
         around = np.argsort(np.linalg.norm(xy[thing] - [x, y], axis=1), kind="stable")[:4]
         focus = Focus(points=tuple(int(point) for point in features.points[thing[around]]))
     distance = 1 / focus.inverse_depth(reconstruction, frame)
-    return Place(focus, frame, distance, "the nearest large object near the centre", xy=(x, y))
+    return Place(focus, frame, distance, NEAREST, xy=(x, y))
 
 
 def _nearest_large(xy: Floats, inverse: Floats) -> Ints:

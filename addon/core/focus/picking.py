@@ -56,10 +56,16 @@ def check_place(reconstruction: Reconstruction, frame: int, x: float, y: float) 
     if frame not in reconstruction.frames:
         if not reconstruction.images:
             raise UserError("the reconstruction has no registered frames; solve the clip again")
-        raise UserError(
-            f"frame {frame} has no camera to pick a focus in; there are cameras for"
-            f" {describe(reconstruction.frames.tolist())}"
-        )
+        raise UserError(unsolved(reconstruction, frame))
+
+
+def unsolved(reconstruction: Reconstruction, frame: int) -> str:
+    """Describe why a frame has no camera: where it lies beside the clip, or which frames have one."""
+    first, last = int(reconstruction.frames.min()), int(reconstruction.frames.max())
+    if not first <= frame <= last:
+        where = "before the start" if frame < first else "after the end"
+        return f"frame {frame} is {where} of the clip ({first} to {last})"
+    return f"frame {frame} has no camera; there are cameras for {describe(reconstruction.frames.tolist())}"
 
 
 def pick_features(features: FrameFeatures, canvas: Canvas, x: float, y: float) -> Focus:

@@ -13,6 +13,7 @@ from ..base.progress import checkpoint
 from ..camera.reconstruction import Reconstruction
 from ..depth.source import NO_PICTURE, DepthSource
 from .focus import Focus
+from .picking import unsolved
 from .place import Place
 
 EVERY = 3
@@ -49,7 +50,7 @@ def subject_place(
     """
     frames = [int(each) for each in reconstruction.frames]
     if frame not in frames:
-        raise UserError(f"frame {frame} was not solved; choose another one for the subject {name}")
+        raise UserError(unsolved(reconstruction, frame))
     found = {each: inverse for each in frames if (inverse := standing(each)) is not None}
     if not found:
         asked = sorted({*frames[::EVERY], frames[-1], frame})

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import bpy
 
+from ...core.focus.first_focus import NEAREST
 from ...core.subjects.networks import MISSING, Networks
 from ...scene import blender_focus, depth_of_field, lens, version
 from ...scene.timeline import clip_frame
@@ -147,7 +148,9 @@ def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row = layout.row(align=True)
     if len(marks) == 1:
         name = first_person.in_focus(settings) if settings.marks.is_first else marks[0].name
-        wrapped(row, context, f"In focus: {name}", icon="KEYFRAME_HLT", beside=BUTTON)
+        # The first focus of a clip without subjects is on its nearest large object.
+        text = "Automatic focus" if name == NEAREST else f"In focus: {name}"
+        wrapped(row, context, text, icon="KEYFRAME_HLT", beside=BUTTON)
     else:
         row.label(text="Focus at")
     for mark in marks[:MOST_MARKS] if len(marks) > 1 else ():
