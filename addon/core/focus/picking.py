@@ -54,13 +54,13 @@ def check_place(reconstruction: Reconstruction, frame: int, x: float, y: float) 
     if not (0 <= x <= 1 and 0 <= y <= 1):
         raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
     if frame not in reconstruction.frames:
-        if not reconstruction.images:
-            raise UserError("the reconstruction has no registered frames; solve the clip again")
         raise UserError(unsolved(reconstruction, frame))
 
 
 def unsolved(reconstruction: Reconstruction, frame: int) -> str:
     """Describe why a frame has no camera: where it lies beside the clip, or which frames have one."""
+    if not reconstruction.images:
+        return "the reconstruction has no registered frames; solve the clip again"
     first, last = int(reconstruction.frames.min()), int(reconstruction.frames.max())
     if not first <= frame <= last:
         where = "before the start" if frame < first else "after the end"
