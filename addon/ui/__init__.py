@@ -23,7 +23,6 @@ from . import (
     import_solve,
     lens_presets,
     movie,
-    operators,
     panels,
     photos,
     pick_focus,
@@ -35,7 +34,9 @@ from . import (
     report_list,
     restore,
     set_scale,
+    solve,
     solve_view,
+    solving,
     subjects,
     thumbnails,
     wipe,
@@ -46,7 +47,7 @@ CLASSES = (
     *preferences.CLASSES,
     *choose_clip.CLASSES,
     *depth_ahead.CLASSES,
-    *operators.CLASSES,
+    *solve.CLASSES,
     *movie.CLASSES,
     *render_clip.CLASSES,
     *export.CLASSES,
@@ -106,7 +107,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Undo `register` in reverse order, end what is under way, and close the open clip."""
-    operators.end_solve()
+    solving.end_solve()
     closing.unregister()
     movie.unregister()
     export.unregister()

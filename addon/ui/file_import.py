@@ -18,14 +18,14 @@ from ..core.sfm.state import STATE, is_state_of, read_state
 from ..scene.clip import work_dir
 from ..scene.lens import is_in_focus
 from ..scene.paths import absolute
-from . import choose_clip, import_solve, operators
+from . import choose_clip, import_solve, operators, solve, solving
 from .operators import Result, reported
 
 MODELS = (".bin", ".txt", ".out", ".nvm", ".json", ".npz", ".r3d")
 """Endings of the models that other programs write."""
 
 
-class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, operators.Solves, bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.types.Operator):  # noqa: N801
     """Choose a video, any image of a sequence, or a folder of images, and solve it.
 
     If it has been solved before, that solve is loaded
@@ -98,7 +98,7 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, operators.Solves, 
                 "no clip has been chosen; choose a video, an image of a sequence or a folder of images"
             )
         clip = choose_clip.clip_of(absolute(self.filepath))
-        if operators.running_solve() is not None:
+        if solving.running_solve() is not None:
             raise UserError(
                 f"a clip is being solved; wait, or cancel with ESC, then import {clip.name} again"
             )
@@ -133,7 +133,7 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
         operators.check_may_change(context.scene)
         if not context.scene.virtual_aperture.footage and import_solve.recorded(self.filepath) is None:
             raise UserError(f"{name} is a solve, but no clip has been chosen for it; drop the clip first")
-        if operators.running_solve() is not None:
+        if solving.running_solve() is not None:
             raise UserError(f"the clip is being solved; cancel with ESC, then drop {name} again")
         return super().execute(context)
 

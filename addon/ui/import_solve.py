@@ -16,20 +16,8 @@ from ..scene.clip import footage_path, work_dir
 from ..scene.movieclip import read_movie_clip
 from ..scene.scene_camera import cameras_of, read_scene_camera
 from . import depth_ahead
-from .operators import (
-    Result,
-    Solves,
-    build_scene,
-    focus_on_person,
-    has_clip,
-    is_idle,
-    is_met,
-    may_change,
-    refused,
-    report_hidden,
-    reported,
-    solved_words,
-)
+from .operators import Result, has_clip, is_idle, is_met, may_change, refused, reported
+from .solve import Solves, build_scene, focus_on_person, report_hidden, solved_words
 
 
 class Import:

@@ -10,9 +10,11 @@ from ..scene.clip import trouble_with
 from ..scene.ignored import ignored
 from . import depth_ahead, render_clip
 from .find_clip import VIRTUAL_APERTURE_OT_find_clip
-from .operators import VIRTUAL_APERTURE_OT_solve, check_may_change, running_solve, sentence
+from .operators import check_may_change, sentence
 from .pick_subject import VIRTUAL_APERTURE_OT_pick_subject
 from .restore import VIRTUAL_APERTURE_OT_restore_objects
+from .solve import VIRTUAL_APERTURE_OT_solve
+from .solving import running_solve
 from .text import wrapped
 
 

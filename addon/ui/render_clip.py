@@ -14,17 +14,7 @@ from ..scene.clip import solved_clip_path
 from ..scene.lens import frame_options
 from ..scene.shot import picture_size, reconstruction_of
 from . import depth_ahead, movie
-from .operators import (
-    LOOK,
-    NO_CAMERA,
-    Result,
-    has_focus,
-    has_solve,
-    is_met,
-    may_change,
-    refused,
-    reported,
-)
+from .operators import LOOK, NO_CAMERA, Result, has_focus, has_solve, is_met, may_change, refused, reported
 
 
 def can_render(cls: Any, context: bpy.types.Context) -> bool:

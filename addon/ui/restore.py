@@ -10,7 +10,8 @@ from ..scene import parts
 from ..scene.build import restore
 from ..scene.clip import footage_path, solved_clip_path, work_dir
 from ..scene.shot import reconstruction_of
-from .operators import Result, build_scene, is_kept, is_met, may_change, reported
+from .operators import Result, is_met, may_change, reported
+from .solve import build_scene, is_kept
 
 
 class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801

@@ -13,8 +13,8 @@ from ..core.sfm.watching import Sight
 from ..render import message
 from ..render.gpu_views import upload
 from ..render.overlay import Rectangle, draw_texture, fill
-from .operators import running_solve
 from .pick_view import GREEN
+from .solving import running_solve
 
 SHARE = 0.9
 """Share of the free part of a viewport that the picture covers."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import ClassVar
 
 from ..core.sfm.process import SolveProcess, SolveProgress
 from ..core.sfm.watching import Sight
@@ -15,6 +16,9 @@ class Solving:
     The clip is opened and its frames counted, which takes seconds, in a thread, so that the interface stays
     alive and ESC works.
     """
+
+    running: ClassVar[Solving | None] = None
+    """The last solve that was begun in this Blender; it may have ended."""
 
     def __init__(self, begin: Callable[[], SolveProcess], clip: str = "") -> None:
         """`begin` makes the process; it must not touch Blender's data. `clip` is its name, to be shown."""
@@ -54,3 +58,16 @@ class Solving:
         if self._opening.error is None:
             self._opening.result().cancel()
         self.ended = True
+
+
+def running_solve() -> Solving | None:
+    """Return the solve that is under way in this Blender."""
+    running = Solving.running
+    return None if running is None or running.ended else running
+
+
+def end_solve() -> None:
+    """End the solve that is under way, if there is one; the folder stays as it was."""
+    if (running := running_solve()) is not None:
+        running.cancel()
+    Solving.running = None

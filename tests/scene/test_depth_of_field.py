@@ -15,7 +15,7 @@ from addon.scene import depth_of_field
 from addon.scene.build import build
 from addon.scene.exr import read
 from addon.ui import panels
-from addon.ui.operators import build_scene
+from addon.ui.solve import build_scene
 
 from ..foreign_models import write_model
 from ..in_blender import choose_clip

@@ -15,7 +15,7 @@ from addon.scene import parts
 from addon.scene.build import build
 from addon.scene.shot import reconstruction_of, shot_of
 from addon.ui import panels
-from addon.ui.operators import build_scene
+from addon.ui.solve import build_scene
 
 from ..recorder import draw
 from ..scenes import slanted_plane, slanted_shot

@@ -17,7 +17,7 @@ from addon.core.sfm.process import SolveProcess
 from addon.scene.build import build
 from addon.scene.lens import set_aperture, set_focus
 from addon.scene.refocus import keep_focus, restore_focus
-from addon.ui.operators import kept_words
+from addon.ui.solve import kept_words
 from addon.ui.solving import Solving
 
 from .. import planes

@@ -17,7 +17,7 @@ from addon.core.subjects.strokes import MarkedSubject, Stroke
 from addon.scene.shot import shot_of
 from addon.scene.subjects import set_marked
 from addon.ui import depth_ahead, panels, text
-from addon.ui.operators import build_scene
+from addon.ui.solve import build_scene
 
 from .. import waiting
 from ..recorder import draw

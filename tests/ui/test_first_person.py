@@ -16,7 +16,7 @@ from addon.core.media.clip import open_footage
 from addon.core.subjects.networks import Networks
 from addon.scene import focus_marks
 from addon.scene.build import build
-from addon.ui import first_person, operators, panels
+from addon.ui import first_person, panels, solve
 
 from .. import planes
 from ..recorder import draw
@@ -86,5 +86,5 @@ def test_a_first_focus_without_a_place_is_a_distance(scene: bpy.types.Scene, tmp
     footage = open_footage(planes.write_clip(tmp_path / "still", [walls.still(each) for each in FEW], FEW[0]))
     settings = build(scene, footage, walls.filmed(walls.still, FEW).reconstruction)
     focus_marks.put_first(settings, Place(Focus(distance=6.0), FEW[0], 6.0, "an object"))
-    assert operators.solved_words(scene, "Solved").startswith("Solved; focused on a fixed distance")
+    assert solve.solved_words(scene, "Solved").startswith("Solved; focused on a fixed distance")
     assert "In focus: a fixed distance" in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)

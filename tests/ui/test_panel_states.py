@@ -15,7 +15,7 @@ from addon.core.sfm.process import SolveProgress
 from addon.core.sfm.workspace import keep_import
 from addon.scene.build import build
 from addon.ui import depth_ahead, panels
-from addon.ui.operators import build_scene
+from addon.ui.solve import build_scene
 from addon.ui.solving import Solving
 
 from ..foreign_models import write_clip

@@ -99,14 +99,13 @@ def test_timers_and_threads_end(scene: bpy.types.Scene, tmp_path: Path) -> None:
 
 def test_a_solve_under_way_ends(scene: bpy.types.Scene) -> None:
     from addon.core.base.progress import checkpoint
-    from addon.ui import operators
-    from addon.ui.solving import Solving
+    from addon.ui.solving import Solving, running_solve
 
     def begin() -> None:
         while True:
             checkpoint()
 
-    solving = operators.VIRTUAL_APERTURE_OT_solve._running = Solving(begin)
+    solving = Solving.running = Solving(begin)
     addon.unregister()
     addon.register()
-    assert solving.ended and operators.running_solve() is None
+    assert solving.ended and running_solve() is None

@@ -19,7 +19,7 @@ from addon.core.sfm.workspace import load_solve
 from addon.render.message import lines
 from addon.scene.build import build
 from addon.ui import panels
-from addon.ui.operators import build_scene
+from addon.ui.solve import build_scene
 from addon.ui.solving import Solving
 
 from .. import foreign_models as foreign

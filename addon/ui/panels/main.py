@@ -26,6 +26,8 @@ from .. import (
     render_clip,
     report_list,
     set_scale,
+    solve,
+    solving,
 )
 from ..solving import Solving
 from ..text import progress_row, wrapped
@@ -51,17 +53,17 @@ class VIRTUAL_APERTURE_PT_main(Panel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = context.scene.virtual_aperture, self.layout
-        solving = operators.running_solve()
-        if solving is not None:
-            layout.label(text=solving.clip, icon="FILE_MOVIE")
+        running = solving.running_solve()
+        if running is not None:
+            layout.label(text=running.clip, icon="FILE_MOVIE")
         elif settings.footage:
             _draw_clip(layout, settings)
         notices.draw_scene(layout, context)
         if version.is_newer(settings):
             return
         notices.draw_clip(layout, context)
-        if solving is not None:
-            _draw_solving(layout, solving)
+        if running is not None:
+            _draw_solving(layout, running)
         elif not settings.footage:
             wrapped(layout, context, HINT, icon="IMPORT")
             _large(layout).operator(choose_clip.VIRTUAL_APERTURE_OT_choose_clip.bl_idname, icon="FILEBROWSER")
@@ -95,8 +97,8 @@ def _draw_unsolved(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
     if clip.may_be_photos(settings):
         layout.prop(settings, "stills")
     wrapped(layout, context, "Solve the clip to find its camera motion and depth", icon="INFO")
-    solve = operators.VIRTUAL_APERTURE_OT_solve.bl_idname
-    _large(layout).operator(solve, icon="TRACKER").again = False
+    name = solve.VIRTUAL_APERTURE_OT_solve.bl_idname
+    _large(layout).operator(name, icon="TRACKER").again = False
 
 
 def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...scene import masks
-from .. import after_solve, depth_ahead, operators
+from .. import after_solve, depth_ahead, operators, solve
 from ..text import wrapped
 from . import clip
 from .panel import ClosedPanel, split
@@ -25,9 +25,9 @@ class VIRTUAL_APERTURE_PT_solve(ClosedPanel, bpy.types.Panel):  # noqa: N801
         elif settings.lens == "SENSOR":
             layout.prop(settings, "focal_mm")
             layout.prop(settings, "sensor_mm")
-        if settings.points is not None or operators.is_kept(settings):
+        if settings.points is not None or solve.is_kept(settings):
             layout.operator(
-                operators.VIRTUAL_APERTURE_OT_solve.bl_idname, text="Solve Again", icon="FILE_REFRESH"
+                solve.VIRTUAL_APERTURE_OT_solve.bl_idname, text="Solve Again", icon="FILE_REFRESH"
             ).again = True
         if settings.points is not None:
             _draw_solve(layout, context)
