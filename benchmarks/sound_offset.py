@@ -4,9 +4,10 @@ python -m benchmarks.special sound_offset                 ten minutes; writes re
 python -m benchmarks.special sound_offset --minutes 0.5   a look
 
 A clip changes between 24, 30 and 60 frames a second, flashes at frames spread over its length and clicks at
-each flash. Its own pictures take the way of rendered ones into a movie (`addon/render/movie_file.py`), with
-sound from the beginning, and with sound that begins 0.48 s late. The movie is then looked at and listened to:
-every change of its picture is set against the clip's times, every flash against its click.
+each flash. Its own pictures take the way of rendered ones into a movie
+(`addon/render/output/movie_file.py`), with sound from the beginning, and with sound that begins 0.48 s late.
+The movie is then looked at and listened to: every change of its picture is set against the clip's times,
+and every flash against its click.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ import addon
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import Footage, open_footage
 from addon.core.media.constant_rate import movie_rate
-from addon.render import movie_file
-from addon.render.quiet import quiet
+from addon.render.output import movie_file
+from addon.render.views.quiet import quiet
 from addon.scene.build import build
 
 from . import store

@@ -1,4 +1,4 @@
-"""The views of a frame drawn by Cycles: an independent reference for `addon.render.gpu_views`.
+"""The views of a frame drawn by Cycles: an independent reference for `addon.render.views.gpu_views`.
 
 A render cannot start inside a render, so a second Blender, without a window, does the work. This file is
 also that Blender's script: it then imports nothing of ours.

@@ -22,7 +22,7 @@ if __name__ == "__main__" and not __package__:
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
     __package__ = "sample_scenes"
 
-from addon.render.quiet import quiet
+from addon.render.views.quiet import quiet
 
 from . import clip, desk, stage
 

@@ -21,7 +21,7 @@ import addon
 from addon.cli.main import run_command
 from addon.core.base.arrays import Floats
 from addon.core.camera.reconstruction import Reconstruction
-from addon.scene.shot import shot_of
+from addon.scene.sources.shot import shot_of
 
 from .demo import ROOT
 

@@ -175,7 +175,7 @@ def scene(registered: None) -> Iterator[object]:
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
     yield bpy.context.scene
     # A clip that stays open would be the next test's.
-    from addon.scene import shot
+    from addon.scene.sources import shot
 
     shot.forget()
 
@@ -221,7 +221,7 @@ def _halve(folder: Path) -> None:
     """Write the sample clip at half its size, with a sound of its length, as `desk.mp4`."""
     import cv2
 
-    from addon.render.quiet import quiet
+    from addon.render.views.quiet import quiet
     from sample_scenes import clip, desk
 
     movie, pictures = cv2.VideoCapture(str(Path(desk.__file__).with_name("desk.mp4"))), []

@@ -19,7 +19,7 @@ from addon.core.frame.plan import FrameOptions, FramePlan
 from addon.core.media.clip import open_footage
 
 if TYPE_CHECKING:
-    from addon.scene.shot import Shot
+    from addon.scene.sources.shot import Shot
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 """Of most small shots."""
@@ -95,7 +95,7 @@ def plane_picture(plane: Reconstruction, image: Image) -> np.ndarray:
 def slanted_shot(folder: Path, camera: Intrinsics, frames: tuple[int, ...] = (1, 2, 3)) -> Shot:
     """Footage and reconstruction of the slanted plane."""
     # Blender is loaded for it: other helpers here do without.
-    from addon.scene.shot import Shot
+    from addon.scene.sources.shot import Shot
 
     return Shot(open_footage(write_frames(folder, camera, frames)), slanted_plane(camera, frames))
 

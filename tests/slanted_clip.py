@@ -14,9 +14,9 @@ from addon.core.focus.focus import Focus
 from addon.core.media.clip import open_footage
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
-from addon.render import output
+from addon.render.output import output
 from addon.scene.build import build
-from addon.scene.lens import set_focus
+from addon.scene.lens.lens import set_focus
 
 from .scenes import LENS, slanted_plane, slanted_shot, texture
 

@@ -14,7 +14,7 @@ ADDON = ROOT / "addon"
 ACTS = {
     "target_psnr": {
         "core/frame/frame_path.py",
-        "render/preview.py",
+        "render/viewport/preview.py",
         "cli/main.py",
         "cli/lens.py",
     },

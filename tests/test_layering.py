@@ -8,14 +8,23 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[1]
 ADDON = ROOT / "addon"
 FLOORS = ("core", "scene", "render", "ui", "cli")
 """Folders of the add-on, the lowest first: each may import those before it."""
 ROOMS = ("base", "camera", "optics", "media", "readers", "depth", "subjects", "sfm", "warp", "focus", "frame")
 """Folders of the core, the lowest first."""
+PARTS = {
+    "core/sfm": ("tracking", "adjustment", "calibration", "mapping"),
+    "scene": ("base", "gpu", "solve", "sources", "lens", "focus"),
+    "render": ("views", "processes", "cg", "viewport", "output"),
+    "ui": ("base", "jobs", "picking", "focus", "footage", "panels"),
+}
+"""Folders of rooms that have some, the lowest first; files beside them are of no floor."""
 BLENDER = {"bpy", "bmesh", "blf", "gpu", "gpu_extras", "imbuf", "mathutils"}
-WORKER = {"incremental_mapping", "keyframes", "photo_mapping", "worker"}
+WORKER = {"mapping/incremental_mapping", "mapping/keyframes", "mapping/photo_mapping", "worker"}
 """Modules of `sfm` that only run in the worker process."""
 
 
@@ -52,6 +61,13 @@ def test_the_core_imports_downwards() -> None:
     assert upward(ADDON / "core", ROOMS) == []
 
 
+@pytest.mark.parametrize("room", sorted(PARTS))
+def test_a_room_imports_downwards(room: str) -> None:
+    folders = {p.name for p in (ADDON / room).iterdir() if p.is_dir()} - {"__pycache__"}
+    assert folders == set(PARTS[room])
+    assert upward(ADDON / room, PARTS[room]) == []
+
+
 def test_modules_import_each_other_in_no_circle() -> None:
     files = {path.relative_to(ROOT).with_suffix("").parts: path for path in ADDON.rglob("*.py")}
     needs = {
@@ -79,7 +95,8 @@ def test_only_the_list_of_meshers_knows_the_thesis() -> None:
 
 
 def test_pycolmap_stays_in_the_worker() -> None:
-    quiet = [p for p in ADDON.rglob("*.py") if not (p.parent.name == "sfm" and p.stem in WORKER)]
+    worker = {ADDON / "core/sfm" / f"{name}.py" for name in WORKER}
+    quiet = [p for p in ADDON.rglob("*.py") if p not in worker]
     for path in quiet:
         assert all(module[0] != "pycolmap" for module in imports(path)), path
     core = [p.relative_to(ROOT).with_suffix("").parts for p in quiet if "core" in p.parts]

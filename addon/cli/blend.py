@@ -10,12 +10,12 @@ import bpy
 from ..core.base.digest import file_digest
 from ..core.base.errors import UserError
 from ..core.media.clip import Footage
-from ..render.frame_keys import GRADED
-from ..render.quiet import quiet
+from ..render.output.frame_keys import GRADED
+from ..render.views.quiet import quiet
 from ..scene.cg_objects import cg_objects
-from ..scene.clip import solved_part
 from ..scene.properties import VirtualApertureSettings
-from ..scene.shot import forget, shot_of
+from ..scene.sources.clip import solved_part
+from ..scene.sources.shot import forget, shot_of
 
 
 def is_blend(path: Path) -> bool:

@@ -17,10 +17,10 @@ from ..core.base.time_left import Clock
 from ..core.media.clip import FrameRange
 from ..core.sfm.workspace import Solve, load_solve
 from ..core.subjects.steadiness import jumps
-from ..render import jobs, launcher
-from ..render.blend_file import write_blend
-from ..render.gpu_views import start_gpu
-from ..scene.shot import Shot, shot_of
+from ..render.processes import jobs, launcher
+from ..render.processes.blend_file import write_blend
+from ..render.views.gpu_views import start_gpu
+from ..scene.sources.shot import Shot, shot_of
 from .blend import is_blend, open_blend
 from .lens import add_moving, add_work, scene_of, set_moving, wanted_frames
 from .options import UsageError

@@ -11,10 +11,11 @@ import bpy
 from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.base.messages import Progress, send, speak
-from ..render import cg_process, engine
-from ..render.cycles_layers import serve
-from ..render.frames_ahead import DrawnFrame, draw_ahead
-from ..render.gpu_views import check_gpu
+from ..render import engine
+from ..render.cg import cg_process
+from ..render.cg.cycles_layers import serve
+from ..render.processes.frames_ahead import DrawnFrame, draw_ahead
+from ..render.views.gpu_views import check_gpu
 from .blend import open_blend, open_scene
 from .words import WORDS
 

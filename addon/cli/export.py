@@ -14,11 +14,11 @@ from ..core.base.streams import say, say_to
 from ..core.media.clip import FrameRange
 from ..core.readers.colmap_export import export_model
 from ..core.sfm.workspace import load_solve
-from ..render import export as exports
-from ..render.output import check_apart
-from ..render.quiet import quiet
-from ..scene.paths import absolute
-from ..scene.shot import shot_of
+from ..render.output import export as exports
+from ..render.output.output import check_apart
+from ..render.views.quiet import quiet
+from ..scene.base.paths import absolute
+from ..scene.sources.shot import shot_of
 from .blend import is_blend, open_blend
 from .lens import add_lens, add_work, check_lens, given_lens, say_lens, scene_of, set_lens, wanted_frames
 from .options import UsageError

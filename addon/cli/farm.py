@@ -20,14 +20,14 @@ from ..core.media.clip import FrameRange, open_footage
 from ..core.media.copying import copy_clip, copy_file
 from ..core.sfm.state import STATE, read_state, write_state
 from ..core.sfm.workspace import load_solve
-from ..render import movie_file, output
-from ..render.blend_file import write_blend
-from ..render.frame_keys import frame_keys
-from ..render.frame_size import written_size
-from ..render.launcher import launcher
-from ..render.quiet import quiet
+from ..render.output import movie_file, output
+from ..render.output.frame_keys import frame_keys
+from ..render.processes.blend_file import write_blend
+from ..render.processes.launcher import launcher
+from ..render.views.frame_size import written_size
+from ..render.views.quiet import quiet
 from ..scene.build import move_clip
-from ..scene.shot import reconstruction_of
+from ..scene.sources.shot import reconstruction_of
 from . import NAME
 from .aperture import image_of, with_image
 from .blend import is_blend, open_blend

@@ -16,15 +16,15 @@ from ..core.base.streams import say
 from ..core.frame.inspection import NAMES, Shown
 from ..core.frame.report import FrameReport
 from ..core.sfm.workspace import load_solve
-from ..render import output
-from ..render.average import render_frame
-from ..render.frame_size import render_size
-from ..render.gpu_views import check_gpu
-from ..render.quiet import quiet
-from ..render.run_report import Inspector, replaced, write_picture
-from ..scene.lens import frame_options
-from ..scene.shot import shot_of
-from ..scene.timeline import go_to
+from ..render.output import output
+from ..render.output.run_report import Inspector, replaced, write_picture
+from ..render.views.average import render_frame
+from ..render.views.frame_size import render_size
+from ..render.views.gpu_views import check_gpu
+from ..render.views.quiet import quiet
+from ..scene.base.timeline import go_to
+from ..scene.lens.lens import frame_options
+from ..scene.sources.shot import shot_of
 from .lens import add_lens, check_numbers, say_lens, scene_of, set_lens
 from .options import whole
 from .paths import path

@@ -35,14 +35,16 @@ from ..core.frame.options import FRAME_OPTIONS
 from ..core.media.clip import Footage, FrameRange, describe, open_footage
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
-from ..scene import aperture_cloud, colour_space, focus_marks
+from ..scene.base.timeline import go_to
 from ..scene.build import build
-from ..scene.clicks import place_at
-from ..scene.lens import frame_options, set_aperture, set_focus
+from ..scene.focus import focus_marks
+from ..scene.focus.clicks import place_at
+from ..scene.lens import aperture_cloud
+from ..scene.lens.lens import frame_options, set_aperture, set_focus
 from ..scene.properties import VirtualApertureSettings
-from ..scene.shot import shot_of
-from ..scene.subjects import mark_new, set_marked
-from ..scene.timeline import go_to
+from ..scene.sources import colour_space
+from ..scene.sources.shot import shot_of
+from ..scene.sources.subjects import mark_new, set_marked
 from .aperture import add_aperture, placed, set_shape
 from .blend import is_blend
 from .options import Parser, UsageError, add_options, real, whole

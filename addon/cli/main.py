@@ -23,17 +23,19 @@ from ..core.base.streams import say, say_to
 from ..core.media.clip import Footage, FrameRange
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
-from ..render import engine, jobs, launcher, movie_file, movie_folder, output
-from ..render.blend_file import write_blend
-from ..render.frame_keys import run_key
-from ..render.gpu_views import check_gpu
-from ..render.launcher import JOB
-from ..render.quiet import quiet
-from ..render.run_report import RunReport, check_report
+from ..render import engine
+from ..render.output import movie_file, movie_folder, output
+from ..render.output.frame_keys import run_key
+from ..render.output.run_report import RunReport, check_report
+from ..render.processes import jobs, launcher
+from ..render.processes.blend_file import write_blend
+from ..render.processes.launcher import JOB
+from ..render.views.gpu_views import check_gpu
+from ..render.views.quiet import quiet
 from ..scene import properties
+from ..scene.base.paths import absolute
 from ..scene.ignored import unseen
-from ..scene.paths import absolute
-from ..scene.shot import shot_of
+from ..scene.sources.shot import shot_of
 from . import depth, export, farm, inspect, save, solve
 from .blend import is_blend, open_blend
 from .engine_jobs import read_job

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
 from ..core.base import limits
-from ..render import jobs
-from ..scene.shot import Shot
+from ..render.processes import jobs
+from ..scene.sources.shot import Shot
 from .options import whole
 
 MOST_JOBS = 1000

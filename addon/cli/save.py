@@ -16,10 +16,10 @@ from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
 from ..core.media.sequence import clip_files
 from ..core.sfm.workspace import load_solve
-from ..render.blend_file import write_blend
-from ..render.output import check_folder, set_still
+from ..render.output.output import check_folder, set_still
+from ..render.processes.blend_file import write_blend
+from ..scene.base.paths import absolute
 from ..scene.build import move_clip
-from ..scene.paths import absolute
 from ..scene.properties import VirtualApertureSettings
 from .lens import (
     add_lens,

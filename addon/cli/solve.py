@@ -18,8 +18,8 @@ from ..core.readers import read_reconstruction, recorded_clip, recorded_depth
 from ..core.readers.matching import Imported
 from ..core.sfm.process import SolveProcess, SolveProgress
 from ..core.sfm.workspace import Solve, keep_import, load_solve
-from ..scene.movieclip import read_movie_clip
-from ..scene.scene_camera import cameras_of, read_scene_camera
+from ..scene.sources.movieclip import read_movie_clip
+from ..scene.sources.scene_camera import cameras_of, read_scene_camera
 from .blend import open_scene
 from .depth import depth_of_solve
 from .options import UsageError, real

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ..core.base import numbers
 from ..core.base.errors import UserError
 from ..core.subjects.strokes import MarkedSubject, Stroke, places_of
-from ..scene.subjects import DEFAULT_NAME
+from ..scene.sources.subjects import DEFAULT_NAME
 from .options import UsageError
 
 EXAMPLE = "0.44,0.26 0.45,0.5 0.44,0.8@30"

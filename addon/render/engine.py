@@ -21,19 +21,19 @@ from ..core.frame.frame_path import Drawn
 from ..core.frame.passes import circle_of_confusion, depth, in_focus
 from ..core.frame.warped_frame import WarpedFrame
 from ..scene import passes
+from ..scene.base.remedy_words import WORDS
+from ..scene.base.timeline import clip_frame, scene_time
 from ..scene.ignored import warn_of_ignored
-from ..scene.lens import frame_options
-from ..scene.remedy_words import WORDS
-from ..scene.shot import Shot, shot_of
-from ..scene.timeline import clip_frame, scene_time
-from . import frame_notes
-from .average import OnFrame, render_frame
-from .cg_process import draw_cg
-from .frame_size import render_size, shape_problem
-from .frames_ahead import frame_ahead
-from .gpu_views import egl_problem
-from .preview import FIRST, Wanted, has_depth, make_picture
-from .viewport import PREVIEW, Shown, draw, update
+from ..scene.lens.lens import frame_options
+from ..scene.sources.shot import Shot, shot_of
+from .cg.cg_process import draw_cg
+from .processes.frames_ahead import frame_ahead
+from .viewport.preview import FIRST, Wanted, has_depth, make_picture
+from .viewport.viewport import PREVIEW, Shown, draw, update
+from .views import frame_notes
+from .views.average import OnFrame, render_frame
+from .views.frame_size import render_size, shape_problem
+from .views.gpu_views import egl_problem
 
 VALUES: dict[str, Callable[[WarpedFrame], Map]] = {
     passes.DEPTH: depth,

@@ -20,22 +20,15 @@ from ..core.media.clip_identity import identity
 from ..core.media.sequence import blender_shift
 from ..core.media.video_frame import BlenderView
 from ..core.sfm.workspace import default_work_dir
-from . import (
-    aperture_cloud,
-    blender_focus,
-    camera,
-    depth_of_field,
-    focus_marks,
-    lens,
-    parts,
-    point_cloud,
-    store,
-)
-from .paths import relative
+from . import parts
+from .base.paths import relative
+from .base.timeline import check_frames
+from .focus import focus_marks
+from .lens import aperture_cloud, blender_focus, depth_of_field, lens
 from .properties import VirtualApertureSettings
-from .shot import IDENTITY, forget, reconstruction_of
-from .sound import clip_sounds, move_sound, set_sound
-from .timeline import check_frames
+from .solve import camera, point_cloud, store
+from .sources.shot import IDENTITY, forget, reconstruction_of
+from .sources.sound import clip_sounds, move_sound, set_sound
 
 LEAST_SIDE = 4
 """Least pixels of a side in Blender."""

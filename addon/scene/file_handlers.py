@@ -7,8 +7,8 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
-from . import paths
-from .version import VERSION
+from .base import paths
+from .base.version import VERSION
 
 
 def _on_save(*_: object) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from .timeline import clip_frame, is_remapped, scene_time
+from .base.timeline import clip_frame, is_remapped, scene_time
 
 OURS = ("use_pass_combined", "use_pass_z", "use_pass_cryptomatte_accurate")
 """Switches of view layers that ask for no pass that we lack; the second one is how Cryptomatte counts."""

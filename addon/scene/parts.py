@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .shot import IDENTITY
+from .sources.shot import IDENTITY
 
 PARTS = {"root": "root", "camera": "camera", "points": "point cloud", "aperture": "virtual cameras"}
 """Properties of the settings that point to objects, and their names for the user."""

@@ -16,21 +16,15 @@ from bpy.props import (
 )
 
 from ..core.frame.options import FRAME_OPTIONS
-from . import (
-    aperture_cloud,
-    colour_space,
-    depth_of_field,
-    focus_marks,
-    highlight_stops,
-    lens,
-    point_cloud,
-    redraw,
-    subjects,
-)
-from .aperture_shape import VirtualApertureShape
-from .focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
-from .option_properties import with_options
-from .subjects import VirtualApertureSubjects
+from .base import redraw
+from .base.option_properties import with_options
+from .focus import focus_marks
+from .focus.focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
+from .lens import aperture_cloud, depth_of_field, highlight_stops, lens
+from .lens.aperture_shape import VirtualApertureShape
+from .solve import point_cloud
+from .sources import colour_space, subjects
+from .sources.subjects import VirtualApertureSubjects
 
 MOST_TILT = 1.57
 """Radians, a little less than a right angle, at which the focal plane holds the optical axis."""

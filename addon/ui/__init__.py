@@ -4,43 +4,25 @@ from __future__ import annotations
 
 import bpy
 
-from ..render import background, cg_preview, cg_process, engine, frame_notes, frames_ahead, overlay, viewport
-from ..scene import clip, exr, file_handlers, focus_sync, main_thread, passes, paths, properties, shot
-from ..scene import preferences as user_preferences
-from . import (
-    bokeh,
-    choose_clip,
-    closing,
-    depth_ahead,
-    engine_panels,
-    export,
-    file_import,
-    find_clip,
-    first_person,
-    focus,
-    focus_list,
-    focus_strip,
-    import_solve,
-    lens_presets,
-    movie,
-    panels,
-    photos,
-    pick_focus,
-    pick_subject,
-    points_overlay,
-    preferences,
-    preview,
-    render_clip,
-    report_list,
-    restore,
-    set_scale,
-    solve,
-    solve_view,
-    solving,
-    subjects,
-    thumbnails,
-    wipe,
-)
+from ..render import engine
+from ..render.cg import cg_preview, cg_process
+from ..render.output import background
+from ..render.processes import frames_ahead
+from ..render.viewport import overlay, viewport
+from ..render.views import frame_notes
+from ..scene import file_handlers, passes, properties
+from ..scene.base import exr, paths
+from ..scene.base import preferences as user_preferences
+from ..scene.focus import focus_sync
+from ..scene.gpu import main_thread
+from ..scene.sources import clip, shot
+from . import panels
+from .base import solving
+from .focus import bokeh, focus_list, focus_strip, lens_presets, subjects, thumbnails
+from .footage import choose_clip, file_import, find_clip, import_solve, photos, restore, solve, solve_view
+from .jobs import depth_ahead, export, first_person, movie, quit_question, render_clip, report_list
+from .panels import engine_panels, live_preview, preferences, wipe
+from .picking import pick_focus, pick_subject, pick_vertices, points_overlay, set_scale
 
 CLASSES = (
     *engine.CLASSES,
@@ -51,11 +33,11 @@ CLASSES = (
     *movie.CLASSES,
     *render_clip.CLASSES,
     *export.CLASSES,
-    *closing.CLASSES,
+    *quit_question.CLASSES,
     *find_clip.CLASSES,
     *restore.CLASSES,
     *photos.CLASSES,
-    *focus.CLASSES,
+    *pick_vertices.CLASSES,
     *focus_list.CLASSES,
     *focus_strip.CLASSES,
     *pick_focus.CLASSES,
@@ -66,7 +48,7 @@ CLASSES = (
     *lens_presets.CLASSES,
     *set_scale.CLASSES,
     *report_list.CLASSES,
-    *preview.CLASSES,
+    *live_preview.CLASSES,
     *wipe.CLASSES,
     *panels.CLASSES,
 )
@@ -99,7 +81,7 @@ def register() -> None:
     # After what takes overlays away from the preview's picture: the points are drawn over that.
     overlay.show(points_overlay.draw, "POST_VIEW")
     overlay.show(solve_view.draw)
-    closing.register()
+    quit_question.register()
     depth_ahead.register()
     first_person.register()
     main_thread.start()
@@ -108,7 +90,7 @@ def register() -> None:
 def unregister() -> None:
     """Undo `register` in reverse order, end what is under way, and close the open clip."""
     solving.end_solve()
-    closing.unregister()
+    quit_question.unregister()
     movie.unregister()
     export.unregister()
     for draw in (solve_view.draw, focus_strip.draw, points_overlay.draw):

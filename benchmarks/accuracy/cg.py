@@ -34,11 +34,11 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.clip import open_footage
 from addon.core.media.picture_file import Pixels
-from addon.render.average import render_frame
-from addon.render.cg_process import OVERSCAN, draw_cg, kept
-from addon.render.cycles_layers import CyclesScene, Wanted
-from addon.render.gpu_views import start_gpu
-from addon.render.quiet import quiet
+from addon.render.cg.cg_process import OVERSCAN, draw_cg, kept
+from addon.render.cg.cycles_layers import CyclesScene, Wanted
+from addon.render.views.average import render_frame
+from addon.render.views.gpu_views import start_gpu
+from addon.render.views.quiet import quiet
 
 from . import metrics
 from .cases import TrueDepth

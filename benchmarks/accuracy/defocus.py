@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.render.quiet import quiet
+from addon.render.views.quiet import quiet
 from sample_scenes.cycles_views import SENSOR, render_to_array
 
 Picture = NDArray[np.float32]

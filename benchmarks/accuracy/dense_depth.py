@@ -23,8 +23,8 @@ from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
 from addon.core.depth.sparse import frame_features
 from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.media.clip import Footage, open_footage, to_gray8
-from addon.core.sfm.klt import new_corners
 from addon.core.sfm.state import STATE
+from addon.core.sfm.tracking.klt import new_corners
 from addon.core.sfm.workspace import load_solve
 
 from .. import store

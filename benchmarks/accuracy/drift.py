@@ -27,7 +27,7 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.media.clip import encode_srgb, to_linear
 from addon.core.warp import disocclusion_fill
 from addon.core.warp.source_view import Places, SourceView
-from addon.render.average import draw_mean, draw_shares
+from addon.render.views.average import draw_mean, draw_shares
 
 from . import metrics
 from .cases import GroundTruth

@@ -18,7 +18,7 @@ from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.two_layers import two_layers
 from addon.core.media.exr_file import write_exr
-from addon.render.quiet import quiet
+from addon.render.views.quiet import quiet
 from sample_scenes.cycles_views import SENSOR, render_to_array
 
 from . import metrics

@@ -39,7 +39,7 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.clip import encode_srgb, open_footage, to_linear
-from addon.render.average import render_frame
+from addon.render.views.average import render_frame
 
 from ..gallery import metrics
 

@@ -21,8 +21,8 @@ from addon.core.readers.colmap_export import write_model
 from addon.core.readers.matching import Imported
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import Solve, keep_import, load_solve
-from addon.scene import camera
-from addon.scene.scene_camera import read_scene_camera
+from addon.scene.solve import camera
+from addon.scene.sources.scene_camera import read_scene_camera
 from sample_scenes.filming import save_blend
 
 from .cases import FromVideo

@@ -26,8 +26,8 @@ from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.registration import exact_registration
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.mesh import WarpMesh
-from addon.render.average import draw_mean, render_frame
-from addon.render.quiet import quiet
+from addon.render.views.average import draw_mean, render_frame
+from addon.render.views.quiet import quiet
 from sample_scenes import cycles_views, staging
 
 from . import oracle

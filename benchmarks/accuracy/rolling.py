@@ -22,8 +22,8 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.frame_path import Drawn
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.clip import open_footage
-from addon.render.average import render_frame
-from addon.render.quiet import quiet
+from addon.render.views.average import render_frame
+from addon.render.views.quiet import quiet
 from sample_scenes import truth
 from sample_scenes.stage import Stage, tremor
 

@@ -159,6 +159,6 @@ def _to_light(name: str, picture: NDArray[Any]) -> metrics.Map:
 @cache
 def _space(name: str) -> ColourSpace:
     # Blender takes seconds to load, and one clip needs it.
-    from addon.scene.colour_space import colour_space
+    from addon.scene.sources.colour_space import colour_space
 
     return colour_space(name)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from addon.core.base.arrays import Floats, Ints
 from addon.core.camera.reconstruction import Image, Reconstruction
-from addon.core.sfm.visibility import visible_points
-from addon.render.quiet import quiet
+from addon.core.sfm.mapping.visibility import visible_points
+from addon.render.views.quiet import quiet
 from sample_scenes import truth
 from sample_scenes.stage import Stage
 

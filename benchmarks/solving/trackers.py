@@ -14,7 +14,7 @@ import numpy as np
 from addon.core.base.arrays import Bytes
 from addon.core.media.clip import Footage
 from addon.core.sfm import worker
-from addon.core.sfm.klt import (
+from addon.core.sfm.tracking.klt import (
     CELLS,
     QUALITY,
     Places,
@@ -23,8 +23,8 @@ from addon.core.sfm.klt import (
     new_corners,
     strongest_corners,
 )
-from addon.core.sfm.sift import CONTRAST, keypoints, make_sift
-from addon.core.sfm.tracks import Progress, Tracker, Tracks, Watch, match_features, run
+from addon.core.sfm.tracking.sift import CONTRAST, keypoints, make_sift
+from addon.core.sfm.tracking.tracks import Progress, Tracker, Tracks, Watch, match_features, run
 
 RENEW = 0.9
 """Share of the points followed below which new ones are looked for: finding them is slow."""

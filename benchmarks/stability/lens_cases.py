@@ -17,7 +17,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.frame.plan import FramePlan
 from addon.core.optics.aperture_sampling import vogel_disc
-from addon.render import gpu_views
+from addon.render.views import gpu_views
 from sample_scenes import cycles_views
 
 from .__main__ import Case, Measure

@@ -10,7 +10,7 @@ from addon.core.focus.focus import Focus, radius_for_blur
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.frame_path import warp_frame
 from addon.core.frame.plan import FrameOptions, FramePlan
-from addon.render import gpu_views
+from addon.render.views import gpu_views
 
 from .__main__ import Measure
 from .reference import (

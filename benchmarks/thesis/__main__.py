@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from addon.render import gpu_views
+from addon.render.views import gpu_views
 from sample_scenes import blocks
 from sample_scenes.stage import Floats, Stage
 

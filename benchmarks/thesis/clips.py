@@ -20,8 +20,8 @@ from addon.core.focus.picking import pick
 from addon.core.media.clip import Footage, open_footage, to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import Solve, load_solve
-from addon.render.quiet import quiet
-from addon.scene.shot import Shot
+from addon.render.views.quiet import quiet
+from addon.scene.sources.shot import Shot
 from sample_scenes import filming, staging, truth
 from sample_scenes.stage import Stage
 

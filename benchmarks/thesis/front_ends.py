@@ -13,9 +13,9 @@ import numpy as np
 
 from addon.core.base.arrays import Bytes, Ints
 from addon.core.media.clip import Footage
-from addon.core.sfm.klt import HARRIS_K, Numbers, Places, follow
-from addon.core.sfm.sift import Keypoints, epipolar, keypoints, make_sift, matched
-from addon.core.sfm.tracks import Tracks, run, track_features
+from addon.core.sfm.tracking.klt import HARRIS_K, Numbers, Places, follow
+from addon.core.sfm.tracking.sift import Keypoints, epipolar, keypoints, make_sift, matched
+from addon.core.sfm.tracking.tracks import Tracks, run, track_features
 
 APART = 7
 """Pixels between a point that is followed and a new one."""

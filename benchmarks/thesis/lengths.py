@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import Floats, Ints
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.media.clip import Footage, to_gray8
-from addon.core.sfm.klt import follow
+from addon.core.sfm.tracking.klt import follow
 from sample_scenes.stage import Edge, Stage
 
 Mask = NDArray[np.bool_]

@@ -16,7 +16,7 @@ from addon.core.frame.meshers.thesis.thesis import fitted_registration
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.optics.registration import exact_registration
-from addon.render.average import draw_mean, render_frame
+from addon.render.views.average import draw_mean, render_frame
 
 from ..accuracy.metrics import psnr
 from . import marks as draw

@@ -17,9 +17,9 @@ import addon
 from addon.core.focus.focus import Focus
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.clip import open_footage
-from addon.render.gpu_views import check_gpu
-from addon.render.preview import FINE, FIRST, ROUGH, Wanted, make_picture
-from addon.scene.shot import Shot
+from addon.render.viewport.preview import FINE, FIRST, ROUGH, Wanted, make_picture
+from addon.render.views.gpu_views import check_gpu
+from addon.scene.sources.shot import Shot
 
 from .frame_costs import enlarged
 from .whole_runs import FIRST as FRAME

@@ -37,11 +37,13 @@ from addon.core.media.clip import Footage, open_footage
 from addon.core.subjects.clip_subjects import ClipSubject
 from addon.core.warp import layered_mesh
 from addon.core.warp.disocclusion_fill import ReprojectedColours
-from addon.render import engine, gpu_views, output
-from addon.render.quiet import quiet
+from addon.render import engine
+from addon.render.output import output
+from addon.render.views import gpu_views
+from addon.render.views.quiet import quiet
 from addon.scene.build import build
-from addon.scene.lens import set_focus
-from addon.scene.shot import Shot, shot_of
+from addon.scene.lens.lens import set_focus
+from addon.scene.sources.shot import Shot, shot_of
 
 from .. import store
 from ..accuracy.cases import GroundTruth

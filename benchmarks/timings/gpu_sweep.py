@@ -16,8 +16,8 @@ import numpy as np
 
 from addon.core.base.progress import reporting
 from addon.core.depth import matching
-from addon.render import gpu_views
-from addon.scene import gpu_matcher, gpu_sweep
+from addon.render.views import gpu_views
+from addon.scene.gpu import gpu_matcher, gpu_sweep
 
 from ..cost import measured
 

@@ -24,12 +24,12 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.media.clip import open_footage
-from addon.render import gpu_views
-from addon.render.preview import COARSE, FAIR, FINE, FIRST, ROUGH, Wanted, make_picture
+from addon.render.viewport.preview import COARSE, FAIR, FINE, FIRST, ROUGH, Wanted, make_picture
+from addon.render.views import gpu_views
 from addon.scene.build import build
-from addon.scene.lens import frame_options
-from addon.scene.shot import shot_of
-from addon.ui.points_overlay import places_and_colours
+from addon.scene.lens.lens import frame_options
+from addon.scene.sources.shot import shot_of
+from addon.ui.picking.points_overlay import places_and_colours
 
 from ..stability.runs import planned
 

@@ -21,7 +21,7 @@ from addon.core.frame.view_error import views_to_error
 from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.registration import exact_registration
-from addon.render.average import draw_mean
+from addon.render.views.average import draw_mean
 
 from .. import store
 from ..accuracy import metrics

@@ -28,7 +28,7 @@ OTHER = ("--focus-distance", "9", "--blur", "0.08", "--method", "features", "--v
 HANGS = 90.0
 """Seconds of a busy machine after which a run hangs: an untouched one takes two."""
 KEPT_DEPTH = "depth"
-"""Folder of a solve that keeps what was found of its frames' depth (`addon/scene/shot.py`)."""
+"""Folder of a solve that keeps what was found of its frames' depth (`addon/scene/sources/shot.py`)."""
 FOREIGN = ("blender_", "mesa_shader_cache", "matplotlib")
 """How names of what Blender and its libraries leave in the folder for temporary files begin."""
 

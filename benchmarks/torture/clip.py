@@ -12,7 +12,7 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.media.clip import open_footage
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
-from addon.render.quiet import quiet
+from addon.render.views.quiet import quiet
 from sample_scenes import clip as encoding
 
 LENS = Intrinsics(96, 54, 84.0, 84.0, 48.0, 27.0)

@@ -15,7 +15,7 @@ from .kills import SIGNALS, interrupt, moment
 from .mutations import mutate
 
 MOVIE_FRAMES = "a.mp4.frames"
-"""Folder in which a movie's frames lie until it is whole (`addon/render/movie_folder.py`)."""
+"""Folder in which a movie's frames lie until it is whole (`addon/render/output/movie_folder.py`)."""
 
 
 def movie_folder(one: Try) -> None:

@@ -19,7 +19,7 @@ from addon.core.frame.options import APERTURE_OPTIONS, FRAME_OPTIONS, frame_valu
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import FINAL
 from addon.core.optics.aperture import Aperture
-from addon.scene.option_properties import values_of, with_options
+from addon.scene.base.option_properties import values_of, with_options
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_every_cheap_case_is_right_or_refused() -> None:
-    from addon.render import gpu_views
+    from addon.render.views import gpu_views
 
     problem = gpu_views.gpu_problem()
     if problem:
@@ -160,7 +160,7 @@ def test_the_closed_form_by_hand() -> None:
 
 
 def test_memory_that_runs_out_while_drawing_is_a_users_error() -> None:
-    from addon.render import gpu_views
+    from addon.render.views import gpu_views
 
     if gpu_views.gpu_problem():
         pytest.skip("no GPU context can be had")

@@ -230,7 +230,7 @@ def test_terms_belong_to_their_model() -> None:
 def test_every_lens_is_kept_in_the_blend(scene: object, tmp_path: Path) -> None:
     import bpy
 
-    from addon.scene import store
+    from addon.scene.solve import store
 
     lenses = tuple(lens_of(model) for model in TERMS)
     before = Reconstruction(lenses, slanted_plane(lenses[0]).images, slanted_plane(lenses[0]).points)

@@ -13,7 +13,7 @@ import pytest
 from addon.core.media.clip import FrameRange, open_footage
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
-from addon.scene.shot import shot_of
+from addon.scene.sources.shot import shot_of
 
 from ..command_line import done, here
 from ..scenes import LENS, slanted_plane, write_plane

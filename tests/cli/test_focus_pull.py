@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.render import output
-from addon.scene.lens import keys_of
+from addon.render.output import output
+from addon.scene.lens.lens import keys_of
 
 from .tracked_plane import FRAMES, run, work
 

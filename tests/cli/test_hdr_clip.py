@@ -11,7 +11,7 @@ import pytest
 
 from addon.core.media.clip import decode_srgb, open_footage
 from addon.core.media.picture_file import read_picture
-from addon.scene import colour_space
+from addon.scene.sources import colour_space
 
 from ..media.colour_curves import HLG, LOGS, PQ, Array, Recorded, write_clip
 from ..scenes import psnr, write_plane

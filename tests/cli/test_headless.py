@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.scene.exr import read
+from addon.scene.base.exr import read
 from benchmarks.torture import clip
 
 from .. import planes

@@ -16,7 +16,7 @@ from addon.core.camera.reconstruction import Image, Points, Reconstruction
 from addon.core.media.clip import open_footage
 from addon.core.readers import read_reconstruction
 from addon.core.readers.colmap_export import export_model
-from addon.core.sfm.known_cameras import bare
+from addon.core.sfm.mapping.known_cameras import bare
 from addon.core.sfm.workspace import load_solve
 
 from .. import camera_files as files

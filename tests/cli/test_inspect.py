@@ -14,7 +14,7 @@ from addon.core.base.progress import Cancelled, reporting
 from addon.core.frame.frame_path import Drawn
 from addon.core.frame.inspection import NAMES
 from addon.core.frame.report import FrameReport
-from addon.render.run_report import RunReport, check_report
+from addon.render.output.run_report import RunReport, check_report
 
 from ..command_line import done, here
 from ..disc_and_wall import disc_and_wall

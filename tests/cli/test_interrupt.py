@@ -8,8 +8,11 @@ from types import FrameType
 import bpy
 
 from addon.cli import main
-from addon.render import cg_process, frames_ahead
-from addon.scene import focus_sync, paths, properties
+from addon.render.cg import cg_process
+from addon.render.processes import frames_ahead
+from addon.scene import properties
+from addon.scene.base import paths
+from addon.scene.focus import focus_sync
 
 
 def frame_in(file: str) -> FrameType:

@@ -12,8 +12,8 @@ import pytest
 from addon.cli.main import run_command
 from addon.core.readers.colmap_export import write_model
 from addon.core.subjects.strokes import MarkedSubject, Stroke
-from addon.scene.shot import shot_of
-from addon.scene.subjects import marked_of
+from addon.scene.sources.shot import shot_of
+from addon.scene.sources.subjects import marked_of
 
 from ..subjects import walls
 

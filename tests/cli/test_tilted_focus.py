@@ -12,7 +12,7 @@ import pytest
 
 from addon.core.focus.focus import Focus
 from addon.core.optics.thin_lens import ACCEPTABLE
-from addon.scene.lens import focus_of
+from addon.scene.lens.lens import focus_of
 
 from ..scenes import LENS
 from .tracked_plane import FRAMES, run, work

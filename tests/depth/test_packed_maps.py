@@ -17,7 +17,7 @@ from addon.core.media import picture_file
 from addon.core.media.clip import Footage, FrameRange, open_footage
 from addon.core.media.clip_identity import clip_digest
 from addon.core.media.copying import copy_pictures
-from addon.scene import exr
+from addon.scene.base import exr
 
 from ..exr_files import one_channel
 

@@ -16,7 +16,7 @@ from addon.core.depth.user_depth import grid_features
 from addon.core.depth.user_maps import DepthMaps, open_depth
 from addon.core.media import picture_file as footage_module
 from addon.core.media.clip import Footage, FrameRange, open_footage
-from addon.scene import exr
+from addon.scene.base import exr
 from sample_scenes import filming, staging, truth
 
 WIDTH, HEIGHT = 160, 90

@@ -18,7 +18,7 @@ from addon.core.focus.pull import inverse_depths
 from addon.core.frame.clip_context import ClipContext
 from addon.core.media.clip import open_footage
 from addon.core.readers.colmap_export import write_model
-from addon.scene.shot import Shot
+from addon.scene.sources.shot import Shot
 
 from .. import planes
 from ..planes import HEIGHT, LENS, PLANES, STEPS, WIDTH, clip, features, poses

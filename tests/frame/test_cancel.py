@@ -14,7 +14,7 @@ from addon.core.frame.frame_path import warp_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.clip import open_footage, to_linear
-from addon.scene.shot import Shot
+from addon.scene.sources.shot import Shot
 
 from .. import planes
 from ..planes import CENTRES, LENS, MIDDLE, clip, features, poses

@@ -33,7 +33,7 @@ from addon.core.warp.layered_depth_image import Fill
 from addon.core.warp.layered_mesh import LayeredMeshOptions
 from addon.core.warp.quadtree import triangulate
 from addon.core.warp.rasterise import at_pixels
-from addon.render.average import draw_shares
+from addon.render.views.average import draw_shares
 
 from ..disc_and_wall import (
     FAR,

@@ -23,7 +23,7 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL, QUALITIES, Quality
 from addon.core.frame.warped_frame import forecast
 from addon.core.media.clip import to_linear
-from addon.render.average import render_frame
+from addon.render.views.average import render_frame
 
 from ..scenes import psnr, slanted_plane, texture
 

@@ -19,8 +19,8 @@ from addon.core.frame.view_error import FIRST, PILOT, difference, other_views, v
 from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.media.clip import encode_srgb, to_linear
 from addon.core.optics.aperture_sampling import MAX_VIEWS, views_needed
-from addon.render.average import draw_mean
-from addon.render.gpu_views import gpu_problem
+from addon.render.views.average import draw_mean
+from addon.render.views.gpu_views import gpu_problem
 from benchmarks.timings.view_error import plain
 
 from ..scenes import psnr, slanted_plane, texture

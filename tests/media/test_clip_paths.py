@@ -18,9 +18,10 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media import clip_identity, find_clip
 from addon.core.media.clip import open_footage
-from addon.scene import clip, paths
+from addon.scene.base import paths
 from addon.scene.build import build
-from addon.scene.shot import shot_of
+from addon.scene.sources import clip
+from addon.scene.sources.shot import shot_of
 
 from ..scenes import slanted_plane, texture, write_frames
 

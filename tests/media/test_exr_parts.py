@@ -15,7 +15,7 @@ from addon.core.media import picture_file
 from addon.core.media.clip import open_footage
 from addon.core.media.exr_parts import depth_channel, read_header
 from addon.core.media.picture_file import decode_picture, read_picture
-from addon.scene import exr
+from addon.scene.base import exr
 from addon.scene.build import _background_problem, build
 
 from ..exr import channels

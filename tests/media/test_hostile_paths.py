@@ -20,10 +20,10 @@ from addon.core.media.find_clip import clip_exists
 from addon.core.media.masks import open_masks
 from addon.core.sfm.staging import Staging
 from addon.core.sfm.workspace import load_solve
-from addon.render import output
-from addon.scene import shot
+from addon.render.output import output
 from addon.scene.build import build
-from addon.ui.choose_clip import clip_of
+from addon.scene.sources import shot
+from addon.ui.footage.choose_clip import clip_of
 
 from ..command_line import run
 from ..scenes import LENS, slanted_plane, write_frames

@@ -17,11 +17,11 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import Footage, open_footage
 from addon.core.media.masks import open_masks
-from addon.render.quiet import quiet
-from addon.scene import exr
+from addon.render.views.quiet import quiet
+from addon.scene.base import exr
 from addon.scene.build import build
-from addon.scene.masks import drawn_mask, follows_tracks, layers_of
-from addon.scene.shot import shot_of
+from addon.scene.sources.masks import drawn_mask, follows_tracks, layers_of
+from addon.scene.sources.shot import shot_of
 from sample_scenes.cycles_views import render_to_array
 
 from ..scenes import slanted_shot, write_frames

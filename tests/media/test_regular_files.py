@@ -36,7 +36,7 @@ from addon.core.readers.matching import Imported
 from addon.core.readers.parsing import Text
 from addon.core.sfm.state import read_state, write_state
 from addon.core.sfm.workspace import keep_import, keep_visible, load_solve
-from addon.render import frame_files, run_report
+from addon.render.output import frame_files, run_report
 
 from ..scenes import slanted_plane, texture, write_frames
 

@@ -21,8 +21,8 @@ from addon.core.media.packed_pictures import open_packed
 from addon.core.media.sequence import LAST_FRAME, frames_of, pattern_of
 from addon.core.readers import read_reconstruction
 from addon.scene.build import build
-from addon.scene.movieclip import _frame_numbers
-from addon.ui.choose_clip import clip_of
+from addon.scene.sources.movieclip import _frame_numbers
+from addon.ui.footage.choose_clip import clip_of
 
 from .. import camera_files as files
 from ..scenes import slanted_plane

@@ -27,7 +27,8 @@ from addon.core.readers.colmap_export import write_model
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.staging import Staging
 from addon.core.sfm.workspace import check_replaceable, is_solved, load_solve
-from addon.render import engine, frame_files, output
+from addon.render import engine
+from addon.render.output import frame_files, output
 
 from .. import planes
 from ..command_line import run
@@ -528,7 +529,7 @@ def test_same_clip_same_model(tmp_path: Path) -> None:
 
 
 def test_nothing_of_pycolmaps_is_left_to_threads_or_chance() -> None:
-    from addon.core.sfm import keyframes
+    from addon.core.sfm.mapping import keyframes
 
     mapper = keyframes.mapper_options(3.0)
     assert mapper.num_threads == mapper.mapper.num_threads == 1

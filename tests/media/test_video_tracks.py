@@ -17,9 +17,9 @@ from addon.core.media.clip import FrameRange, open_footage, to_linear
 from addon.core.media.container import equivalent_focal
 from addon.core.media.sequence import LAST_FRAME
 from addon.core.media.video_info import VideoInfo
-from addon.render import movie_file
+from addon.render.output import movie_file
 from addon.scene.build import build
-from addon.scene.sound import clip_sounds
+from addon.scene.sources.sound import clip_sounds
 from benchmarks.odd_clips import SIZE
 from benchmarks.odd_tracks import (
     MATRICES,

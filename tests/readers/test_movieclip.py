@@ -17,7 +17,7 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Reconstruction, rotation_matrix
 from addon.core.media.clip import Footage, FrameRange, open_footage
 from addon.core.readers.matching import ONLY_TURNS
-from addon.scene.movieclip import read_movie_clip
+from addon.scene.sources.movieclip import read_movie_clip
 
 WIDTH, HEIGHT, FOCAL = 320, 180, 300.0
 FRAMES = 10

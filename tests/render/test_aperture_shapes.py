@@ -22,8 +22,8 @@ from addon.core.frame.warped_frame import MeshedFrame
 from addon.core.media.clip import encode_srgb
 from addon.core.optics.aperture import Aperture, ApertureImage
 from addon.core.optics.registration import exact_registration
-from addon.render.average import draw_mean
-from addon.render.gpu_views import gpu_problem
+from addon.render.views.average import draw_mean
+from addon.render.views.gpu_views import gpu_problem
 from sample_scenes import cycles_views
 
 from ..scenes import psnr, slanted_plane, texture
@@ -216,7 +216,7 @@ def test_cycles_draws_the_same_shapes() -> None:
     by_cycles = cycles_views.mean_of_views(warped.plan, warped.texture)
     if gpu_problem():
         pytest.skip("only CI is sure to have a GPU driver to compare Cycles with")
-    from addon.render import gpu_views
+    from addon.render.views import gpu_views
 
     by_gpu = gpu_views.mean_of_views(warped.plan, warped.texture)
     assert error(by_cycles, by_gpu) > 45

@@ -19,8 +19,8 @@ import pytest
 
 from addon.core.base import limits
 from addon.core.base.job import Job
-from addon.render import launcher
-from addon.render.frames_ahead import SharedFrames
+from addon.render.processes import launcher
+from addon.render.processes.frames_ahead import SharedFrames
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents
 

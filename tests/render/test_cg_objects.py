@@ -15,11 +15,11 @@ from addon.core.base.progress import Cancelled, reporting
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.warp.cg_layer import CGLayer
-from addon.render import cg_preview, cg_process
-from addon.render.cycles_layers import CyclesScene, Wanted
+from addon.render.cg import cg_preview, cg_process
+from addon.render.cg.cycles_layers import CyclesScene, Wanted
+from addon.scene.base.exr import read
 from addon.scene.build import build
-from addon.scene.exr import read
-from addon.scene.shot import shot_of
+from addon.scene.sources.shot import shot_of
 
 from ..lamps import LIGHT, place_lamp
 from ..scenes import slanted_shot

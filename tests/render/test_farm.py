@@ -26,7 +26,7 @@ from addon.core.media.clip import FrameRange, open_footage
 from addon.core.media.copying import copy_file
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
-from addon.render import jobs
+from addon.render.processes import jobs
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents, file_limit
 

@@ -15,8 +15,8 @@ import pytest
 
 from addon.core.base import limits
 from addon.core.base.progress import Cancelled, reporting
-from addon.render import frames_ahead
-from addon.render.frames_ahead import DrawnFrame, FramesAhead, SharedFrames, draw_ahead
+from addon.render.processes import frames_ahead
+from addon.render.processes.frames_ahead import DrawnFrame, FramesAhead, SharedFrames, draw_ahead
 from addon.scene.passes import DEPTH
 
 from ..command_line import done
@@ -25,7 +25,7 @@ DRAWN = DrawnFrame({"Combined": np.full((3, 5, 4), 0.1, np.float32)}, ("Frame 4 
 HOLD = """
 import sys, time
 from pathlib import Path
-from addon.render.frames_ahead import SharedFrames
+from addon.render.processes.frames_ahead import SharedFrames
 with SharedFrames(Path(sys.argv[1])).claimed(4) as is_mine:
     print(is_mine, flush=True)
     sys.stdin.read()

@@ -19,7 +19,7 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT
 from addon.core.media.clip import encode_srgb
 from addon.core.media.picture_file import Pixels
-from addon.render.average import render_frame
+from addon.render.views.average import render_frame
 
 from ..scenes import slanted_plane
 

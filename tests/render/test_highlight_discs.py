@@ -21,8 +21,8 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.media.clip import encode_srgb
 from addon.core.warp.layered_mesh import FINER
-from addon.render.average import draw_mean
-from addon.render.gpu_views import gpu_problem
+from addon.render.views.average import draw_mean
+from addon.render.views.gpu_views import gpu_problem
 
 from ..scenes import psnr, slanted_plane, texture
 

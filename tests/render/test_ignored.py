@@ -11,7 +11,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.scene.build import build
 from addon.scene.cg_objects import cg_objects
 from addon.scene.ignored import ignored
-from addon.ui import notices
+from addon.ui.panels import notices
 
 from ..scenes import slanted_shot
 

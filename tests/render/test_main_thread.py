@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from addon.core.base.progress import Cancelled, reporting
-from addon.render.gpu_views import gpu_problem
-from addon.scene import main_thread
-from addon.scene.main_thread import Steps, _Job
+from addon.render.views.gpu_views import gpu_problem
+from addon.scene.gpu import main_thread
+from addon.scene.gpu.main_thread import Steps, _Job
 
 PICTURE = np.ones((2, 2, 4), np.float32)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.render import frame_files, movie_folder, output
+from addon.render.output import frame_files, movie_folder, output
 from benchmarks.torture.users_files import edit
 
 from ..faults import interrupted

@@ -11,7 +11,7 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene import passes
 from addon.scene.build import build
-from addon.scene.shot import reconstruction_of
+from addon.scene.sources.shot import reconstruction_of
 
 from ..exr import channels
 from ..scenes import slanted_shot

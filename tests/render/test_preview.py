@@ -19,9 +19,8 @@ from addon.core.focus.focus import Focus
 from addon.core.frame.inspection import NAMES
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL
-from addon.render import preview
-from addon.render.average import render_frame
-from addon.render.preview import (
+from addon.render.viewport import preview
+from addon.render.viewport.preview import (
     CLIP,
     COARSE,
     FAIR,
@@ -33,8 +32,9 @@ from addon.render.preview import (
     Wanted,
     make_picture,
 )
+from addon.render.views.average import render_frame
 from addon.scene.build import build
-from addon.scene.shot import shot_of
+from addon.scene.sources.shot import shot_of
 
 from ..scenes import slanted_shot
 from ..waiting import until

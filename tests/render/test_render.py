@@ -18,9 +18,10 @@ from addon.core.focus.focus import Focus
 from addon.core.frame.plan import FrameOptions, FramePlan
 from addon.core.media.clip import to_linear
 from addon.core.optics.aperture import Aperture
-from addon.render import engine, gpu_views
+from addon.render import engine
+from addon.render.views import gpu_views
 from addon.scene.build import build
-from addon.scene.lens import set_focus
+from addon.scene.lens.lens import set_focus
 from sample_scenes import cycles_views
 
 from ..scenes import planned, psnr, slanted_plane, slanted_shot, texture

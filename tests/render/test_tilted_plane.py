@@ -23,8 +23,8 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import MeshedFrame
 from addon.core.media.clip import encode_srgb
 from addon.core.optics.aperture_sampling import vogel_disc
-from addon.render.average import draw_mean
-from addon.render.gpu_views import gpu_problem
+from addon.render.views.average import draw_mean
+from addon.render.views.gpu_views import gpu_problem
 from sample_scenes import cycles_views
 
 from ..scenes import psnr, texture

@@ -16,13 +16,15 @@ from addon.core.media.clip import open_footage
 from addon.core.media.sequence import LAST_FRAME
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
-from addon.render import cg_process, engine, output
-from addon.render.frame_keys import frame_keys
+from addon.render import engine
+from addon.render.cg import cg_process
+from addon.render.output import output
+from addon.render.output.frame_keys import frame_keys
+from addon.scene.base.exr import read
+from addon.scene.base.timeline import clip_frame, go_to, scene_time
 from addon.scene.build import build
-from addon.scene.exr import read
 from addon.scene.ignored import ignored, unseen
-from addon.scene.shot import shot_of
-from addon.scene.timeline import clip_frame, go_to, scene_time
+from addon.scene.sources.shot import shot_of
 
 from ..command_line import done, here
 from ..lamps import place_lamp
@@ -119,7 +121,7 @@ def test_no_frame_is_rendered_under_a_clamped_number(
     settings.focus_distance, settings.aperture_radius, settings.method = 8.0, 0.1, "features"
     numbers = (1100335, 1100336, 1100337)
     far = replace(shot.footage, frames=numbers)
-    monkeypatch.setattr("addon.scene.shot.open_footage", lambda *_, **__: far)
+    monkeypatch.setattr("addon.scene.sources.shot.open_footage", lambda *_, **__: far)
     with pytest.raises(UserError, match="1100337 is beyond Blender's last frame"):
         shot_of(scene)
     scene.render.filepath = str(tmp_path / "out" / "####.png")
@@ -137,7 +139,7 @@ def test_no_frame_is_rendered_under_a_clamped_number(
 
 
 def _with_shot(scene: bpy.types.Scene, footage: object, monkeypatch: pytest.MonkeyPatch) -> bpy.types.Scene:
-    monkeypatch.setattr("addon.scene.shot.open_footage", lambda *_, **__: footage)
+    monkeypatch.setattr("addon.scene.sources.shot.open_footage", lambda *_, **__: footage)
     return scene
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from addon.core.media.clip import open_footage
 from addon.core.media.constant_rate import held_frames
-from addon.render import movie_file
+from addon.render.output import movie_file
 from addon.scene.build import build
 from addon.ui.panels.clip import VIRTUAL_APERTURE_PT_clip
 from benchmarks.odd_clips import SIZE, flashes_and_clicks, steady, varying, write

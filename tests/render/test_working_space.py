@@ -10,10 +10,10 @@ import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.picture_file import read_picture
-from addon.render.frame_keys import run_key
-from addon.render.gpu_views import gpu_problem
+from addon.render.output.frame_keys import run_key
+from addon.render.views.gpu_views import gpu_problem
 from addon.scene.build import build
-from addon.scene.colour_space import REC_709, from_rec_709, working_space
+from addon.scene.sources.colour_space import REC_709, from_rec_709, working_space
 
 from ..scenes import slanted_shot
 

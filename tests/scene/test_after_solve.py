@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
-from addon.scene import lens
 from addon.scene.build import build
 from addon.scene.cg_objects import cg_objects
-from addon.scene.shot import Shot
-from addon.ui import after_solve, panels, points_overlay
-from addon.ui.choose_clip import clip_of
+from addon.scene.lens import lens
+from addon.scene.sources.shot import Shot
+from addon.ui import panels
+from addon.ui.footage import after_solve
+from addon.ui.footage.choose_clip import clip_of
+from addon.ui.picking import points_overlay
 
 from .. import planes
 from ..recorder import draw

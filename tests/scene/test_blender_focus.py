@@ -14,12 +14,13 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark
-from addon.render.frame_keys import frame_keys
-from addon.render.output import render_sequence
-from addon.scene import focus_marks, lens
+from addon.render.output.frame_keys import frame_keys
+from addon.render.output.output import render_sequence
 from addon.scene.build import build
-from addon.scene.shot import Shot
-from addon.ui.focus import focus_on
+from addon.scene.focus import focus_marks
+from addon.scene.lens import lens
+from addon.scene.sources.shot import Shot
+from addon.ui.picking.pick_vertices import focus_on
 
 from ..scenes import slanted_shot
 

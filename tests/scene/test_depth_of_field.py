@@ -11,11 +11,11 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.focus.focus import sharp_distances as core_sharp_distances
-from addon.scene import depth_of_field
+from addon.scene.base.exr import read
 from addon.scene.build import build
-from addon.scene.exr import read
+from addon.scene.lens import depth_of_field
 from addon.ui import panels
-from addon.ui.solve import build_scene
+from addon.ui.footage.solve import build_scene
 
 from ..foreign_models import write_model
 from ..in_blender import choose_clip

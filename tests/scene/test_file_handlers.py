@@ -9,8 +9,8 @@ import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene import file_handlers
+from addon.scene.base.version import VERSION
 from addon.scene.build import build
-from addon.scene.version import VERSION
 from addon.ui import panels
 
 from ..recorder import draw

@@ -9,8 +9,9 @@ import bpy
 import numpy as np
 
 from addon.core.camera.reconstruction import Intrinsics
-from addon.scene import focus_marks, lens
 from addon.scene.build import build
+from addon.scene.focus import focus_marks
+from addon.scene.lens import lens
 
 from ..scenes import slanted_shot
 

@@ -14,10 +14,11 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark
-from addon.scene import focus_curve, focus_marks, lens
 from addon.scene.build import build
-from addon.scene.refocus import keep_focus, restore_focus
-from addon.scene.shot import Shot
+from addon.scene.focus import focus_curve, focus_marks
+from addon.scene.focus.refocus import keep_focus, restore_focus
+from addon.scene.lens import lens
+from addon.scene.sources.shot import Shot
 
 from ..scenes import slanted_shot
 

@@ -23,8 +23,8 @@ from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.media.clip import open_footage
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
-from addon.render.gpu_views import gpu_problem
-from addon.scene import gpu_matcher, gpu_sweep, gpu_sweep_shaders
+from addon.render.views.gpu_views import gpu_problem
+from addon.scene.gpu import gpu_matcher, gpu_sweep, gpu_sweep_shaders
 
 from ..command_line import done
 from ..planes import (

@@ -10,10 +10,10 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus, blur_for_radius, radius_for_blur
-from addon.scene import lens
 from addon.scene.build import build
-from addon.scene.lens import frame_options, set_focus
-from addon.scene.shot import Shot
+from addon.scene.lens import lens
+from addon.scene.lens.lens import frame_options, set_focus
+from addon.scene.sources.shot import Shot
 
 from ..in_blender import select
 from ..scenes import slanted_plane, slanted_shot

@@ -13,9 +13,9 @@ from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
 from addon.scene import parts
 from addon.scene.build import build
-from addon.scene.shot import reconstruction_of, shot_of
+from addon.scene.sources.shot import reconstruction_of, shot_of
 from addon.ui import panels
-from addon.ui.solve import build_scene
+from addon.ui.footage.solve import build_scene
 
 from ..recorder import draw
 from ..scenes import slanted_plane, slanted_shot

@@ -15,10 +15,10 @@ from addon.core.focus.transfer import carry_focus, depth_ratio
 from addon.core.media.clip import open_footage
 from addon.core.sfm.process import SolveProcess
 from addon.scene.build import build
-from addon.scene.lens import set_aperture, set_focus
-from addon.scene.refocus import keep_focus, restore_focus
-from addon.ui.solve import kept_words
-from addon.ui.solving import Solving
+from addon.scene.focus.refocus import keep_focus, restore_focus
+from addon.scene.lens.lens import set_aperture, set_focus
+from addon.ui.base.solving import Solving
+from addon.ui.footage.solve import kept_words
 
 from .. import planes
 from ..scenes import slanted_plane, write_frames

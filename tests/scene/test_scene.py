@@ -16,10 +16,10 @@ from mathutils import Vector
 
 from addon.core.camera.reconstruction import Intrinsics, normalise
 from addon.core.focus.focus import Focus
-from addon.scene import store
 from addon.scene.build import build
-from addon.scene.lens import set_focus
-from addon.scene.shot import Shot
+from addon.scene.lens.lens import set_focus
+from addon.scene.solve import store
+from addon.scene.sources.shot import Shot
 
 from ..scenes import slanted_plane, slanted_shot
 

@@ -14,7 +14,7 @@ from mathutils import Euler, Vector
 from addon.core.base.errors import UserError
 from addon.core.media.clip import Footage, open_footage
 from addon.core.readers.matching import Imported
-from addon.scene.scene_camera import cameras_of, read_scene_camera
+from addon.scene.sources.scene_camera import cameras_of, read_scene_camera
 
 from ..scenes import LENS, write_frames
 

@@ -19,9 +19,9 @@ from addon.core.camera.reconstruction import (
 )
 from addon.core.readers.colmap_export import read_model, write_model
 from addon.core.sfm.workspace import load_solve
-from addon.render.average import render_frame
-from addon.scene.lens import frame_options
-from addon.scene.shot import shot_of
+from addon.render.views.average import render_frame
+from addon.scene.lens.lens import frame_options
+from addon.scene.sources.shot import shot_of
 
 from ..scenes import psnr, slanted_plane, write_frames
 

@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import rotation_matrix
-from addon.core.sfm import small_motion
-from addon.core.sfm.bundle import Bundle, Observations
-from addon.core.sfm.bundle_adjustment import AdjustmentOptions, adjust
-from addon.core.sfm.normal_equations import pose_derivatives
-from addon.core.sfm.tracks import Tracks
+from addon.core.sfm.adjustment import small_motion
+from addon.core.sfm.adjustment.bundle import Bundle, Observations
+from addon.core.sfm.adjustment.bundle_adjustment import AdjustmentOptions, adjust
+from addon.core.sfm.adjustment.normal_equations import pose_derivatives
+from addon.core.sfm.tracking.tracks import Tracks
 
 Floats = NDArray[np.float64]
 FOCAL = 500.0

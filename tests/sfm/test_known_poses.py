@@ -13,9 +13,9 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.media.clip import open_footage
-from addon.core.sfm.known_cameras import bare, thinned
-from addon.core.sfm.known_poses import triangulate
-from addon.core.sfm.tracks import Tracks, track_features
+from addon.core.sfm.mapping.known_cameras import bare, thinned
+from addon.core.sfm.mapping.known_poses import triangulate
+from addon.core.sfm.tracking.tracks import Tracks, track_features
 
 from .. import camera_files as files
 from .. import planes

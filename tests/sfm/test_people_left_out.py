@@ -16,9 +16,9 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.first_person import nearest_subject
 from addon.core.media.clip import FrameRange, open_footage
 from addon.core.readers.colmap_export import read_model
-from addon.core.sfm.people_left_out import outside, without_people
-from addon.core.sfm.report import STAYS, report
-from addon.core.sfm.tracks import Tracks
+from addon.core.sfm.mapping.report import STAYS, report
+from addon.core.sfm.tracking.people_left_out import outside, without_people
+from addon.core.sfm.tracking.tracks import Tracks
 from addon.core.subjects.networks import Networks
 
 from .. import planes
@@ -114,7 +114,7 @@ GIVEN = f"""
 import sys
 import numpy as np
 from addon.core.sfm import worker
-from addon.core.sfm.people_left_out import outside
+from addon.core.sfm.tracking.people_left_out import outside
 
 mask = np.zeros((240, 320), bool)
 mask[{TOP}:] = True

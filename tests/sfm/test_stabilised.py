@@ -10,10 +10,10 @@ import pytest
 from addon.cli.main import run_command
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import rotation_matrix
-from addon.core.sfm.bundle import Observations
-from addon.core.sfm.solution import Solution, empty
-from addon.core.sfm.stabilised import compare, fit_shifts, refuse_shifted
-from addon.core.sfm.tracks import Tracks
+from addon.core.sfm.adjustment.bundle import Observations
+from addon.core.sfm.adjustment.solution import Solution, empty
+from addon.core.sfm.calibration.stabilised import compare, fit_shifts, refuse_shifted
+from addon.core.sfm.tracking.tracks import Tracks
 
 from .. import planes
 from ..solving import refused

@@ -10,10 +10,11 @@ import pytest
 
 from addon.core.base.arrays import Floats
 from addon.core.camera.reconstruction import rotation_matrix, rotation_vector
-from addon.core.sfm import self_calibration, solution, stationary
-from addon.core.sfm.bundle_adjustment import adjust
-from addon.core.sfm.report import report
-from addon.core.sfm.tracks import Tracks
+from addon.core.sfm.adjustment import solution
+from addon.core.sfm.adjustment.bundle_adjustment import adjust
+from addon.core.sfm.calibration import self_calibration, stationary
+from addon.core.sfm.mapping.report import report
+from addon.core.sfm.tracking.tracks import Tracks
 
 from .. import foreign_models
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from addon.core.base.errors import UserError
 from addon.core.media.clip import open_footage
-from addon.core.sfm import klt, sift, template_tracking
-from addon.core.sfm.klt import KLTTracker, new_corners
-from addon.core.sfm.tracks import (
+from addon.core.sfm.tracking import klt, sift, template_tracking
+from addon.core.sfm.tracking.klt import KLTTracker, new_corners
+from addon.core.sfm.tracking.tracks import (
     Tracks,
     are_bridged,
     correlation,

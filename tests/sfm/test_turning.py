@@ -20,12 +20,12 @@ from addon.core.frame.frame_path import warp_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.clip import Footage, open_footage, to_linear
-from addon.core.sfm import solution
+from addon.core.sfm.adjustment import solution
+from addon.core.sfm.calibration.rotation import turned
 from addon.core.sfm.process import SolveProcess
-from addon.core.sfm.tracks import Tracks
-from addon.core.sfm.turning import turned
+from addon.core.sfm.tracking.tracks import Tracks
 from addon.core.sfm.workspace import load_solve
-from addon.render.average import draw_mean
+from addon.render.views.average import draw_mean
 from benchmarks.accuracy import metrics
 from benchmarks.accuracy.defocus import defocus
 

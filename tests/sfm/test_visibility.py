@@ -14,9 +14,9 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.depth.sparse import frame_features
 from addon.core.media.clip import Footage, open_footage
-from addon.core.sfm import visibility
-from addon.core.sfm.klt import new_corners
-from addon.core.sfm.visibility import MIN_VIEWS, RADIUS, Visible, visible_points
+from addon.core.sfm.mapping import visibility
+from addon.core.sfm.mapping.visibility import MIN_VIEWS, RADIUS, Visible, visible_points
+from addon.core.sfm.tracking.klt import new_corners
 from benchmarks.solving import density
 from sample_scenes.stage import Cameras, Stage
 from sample_scenes.truth import Geometry

@@ -14,10 +14,12 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
 from addon.core.subjects.strokes import MarkedSubject, Stroke
-from addon.scene.shot import shot_of
-from addon.scene.subjects import set_marked
-from addon.ui import depth_ahead, panels, text
-from addon.ui.solve import build_scene
+from addon.scene.sources.shot import shot_of
+from addon.scene.sources.subjects import set_marked
+from addon.ui import panels
+from addon.ui.base import text
+from addon.ui.footage.solve import build_scene
+from addon.ui.jobs import depth_ahead
 
 from .. import waiting
 from ..recorder import draw

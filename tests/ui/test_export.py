@@ -10,8 +10,8 @@ import pytest
 
 from addon.core.media.clip import open_footage
 from addon.scene.build import build
-from addon.scene.clip import footage_path, work_dir
-from addon.ui import export
+from addon.scene.sources.clip import footage_path, work_dir
+from addon.ui.jobs import export
 
 from ..recorder import Recorder
 from ..scenes import LENS, slanted_plane, write_plane

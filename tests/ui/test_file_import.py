@@ -9,8 +9,8 @@ import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene.build import build
-from addon.ui import file_import
-from addon.ui.solving import Solving
+from addon.ui.base.solving import Solving
+from addon.ui.footage import file_import
 
 from .. import planes
 from ..foreign_models import write_clip, write_model

@@ -14,9 +14,11 @@ from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.media.clip import open_footage
 from addon.core.subjects.networks import Networks
-from addon.scene import focus_marks
 from addon.scene.build import build
-from addon.ui import first_person, panels, solve
+from addon.scene.focus import focus_marks
+from addon.ui import panels
+from addon.ui.footage import solve
+from addon.ui.jobs import first_person
 
 from .. import planes
 from ..recorder import draw

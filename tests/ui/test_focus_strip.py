@@ -11,9 +11,9 @@ import pytest
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark
-from addon.scene import focus_marks
 from addon.scene.build import build
-from addon.ui.focus_strip import GAP, SIDE, Strip, spread
+from addon.scene.focus import focus_marks
+from addon.ui.focus.focus_strip import GAP, SIDE, Strip, spread
 
 from ..scenes import LENS, slanted_shot
 

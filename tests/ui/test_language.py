@@ -15,7 +15,7 @@ import pytest
 
 import addon
 from addon.core.base.errors import Remedy
-from addon.scene.remedy_words import WORDS as REMEDIES
+from addon.scene.base.remedy_words import WORDS as REMEDIES
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -11,8 +11,8 @@ import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene.build import build
-from addon.ui.bokeh import preset_aperture, preset_icon
-from addon.ui.lens_presets import ROOT, VIRTUAL_APERTURE_PT_lens_presets
+from addon.ui.focus.bokeh import preset_aperture, preset_icon
+from addon.ui.focus.lens_presets import ROOT, VIRTUAL_APERTURE_PT_lens_presets
 
 from ..recorder import draw
 from ..scenes import slanted_shot

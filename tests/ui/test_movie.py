@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from addon.core.media.clip import open_footage
-from addon.render.frame_size import written_size
-from addon.render.output import crop_to_even
+from addon.render.output.output import crop_to_even
+from addon.render.views.frame_size import written_size
 from addon.scene.build import build
-from addon.ui import movie
+from addon.ui.jobs import movie
 from benchmarks.torture import clip as solved
 
 from ..recorder import Recorder

@@ -14,9 +14,10 @@ from addon.core.readers.matching import Imported
 from addon.core.sfm.process import SolveProgress
 from addon.core.sfm.workspace import keep_import
 from addon.scene.build import build
-from addon.ui import depth_ahead, panels
-from addon.ui.solve import build_scene
-from addon.ui.solving import Solving
+from addon.ui import panels
+from addon.ui.base.solving import Solving
+from addon.ui.footage.solve import build_scene
+from addon.ui.jobs import depth_ahead
 
 from ..foreign_models import write_clip
 from ..in_blender import select

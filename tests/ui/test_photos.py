@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.ui import photos
+from addon.ui.footage import photos
 from tests import planes
 
 PLACES = {"DSC_0009": (0.0, 0.0), "DSC_0003": (0.6, 0.1), "DSC_0007": (-0.6, 0.2), "DSC_0001": (0.1, -0.6)}

@@ -12,11 +12,12 @@ from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark
 from addon.core.media.clip import open_footage
-from addon.scene import focus_marks, lens
 from addon.scene.build import build
-from addon.scene.shot import Shot
+from addon.scene.focus import focus_marks
+from addon.scene.lens import lens
+from addon.scene.sources.shot import Shot
 from addon.ui import panels
-from addon.ui.focus_list import VIRTUAL_APERTURE_UL_focus_marks
+from addon.ui.focus.focus_list import VIRTUAL_APERTURE_UL_focus_marks
 
 from .. import planes
 from ..recorder import Recorder, draw

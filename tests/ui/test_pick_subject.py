@@ -17,14 +17,14 @@ from addon.core.media.picture_file import Pixels
 from addon.core.subjects.clip_subjects import ClipSubjects
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.strokes import MarkedSubject, Stroke, with_stroke
-from addon.scene import subjects
 from addon.scene.build import build
-from addon.scene.shot import shot_of
+from addon.scene.sources import subjects
+from addon.scene.sources.shot import shot_of
 from addon.ui import panels
-from addon.ui.pick_subject import LitUp, Shown
-from addon.ui.pick_view import INSIDE, OUTLINE, tinted
-from addon.ui.subjects import VIRTUAL_APERTURE_UL_subjects
-from addon.ui.work import Work
+from addon.ui.base.work import Work
+from addon.ui.focus.subjects import VIRTUAL_APERTURE_UL_subjects
+from addon.ui.picking.pick_subject import LitUp, Shown
+from addon.ui.picking.pick_view import INSIDE, OUTLINE, tinted
 
 from .. import planes
 from ..recorder import Recorder, draw

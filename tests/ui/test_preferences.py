@@ -12,8 +12,8 @@ import pytest
 from addon.core.base import limits
 from addon.core.depth.depth_store import DepthStore, KeptDepth, kept_size
 from addon.core.sfm.state import STATE
-from addon.scene import preferences
-from addon.scene.clip import work_dir
+from addon.scene.base import preferences
+from addon.scene.sources.clip import work_dir
 from addon.ui import panels
 
 from ..foreign_models import write_clip, write_model
@@ -86,7 +86,7 @@ def test_kept_depth_is_shown_and_deleted(scene: bpy.types.Scene, tmp_path: Path)
     with pytest.raises(RuntimeError, match="No depth is kept for this clip"):
         delete()
     assert "virtual_aperture.delete_depth" not in draw(files).operators
-    from addon.ui.preferences import _sizes
+    from addon.ui.panels.preferences import _sizes
 
     _sizes.clear()
     depth = np.full((8, 8), 0.1, np.float32)

@@ -12,11 +12,11 @@ import pytest
 import addon
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media import picture_file
-from addon.render import viewport
-from addon.render.preview import Wanted
-from addon.scene import lens
+from addon.render.viewport import viewport
+from addon.render.viewport.preview import Wanted
 from addon.scene.build import build
-from addon.scene.shot import shot_of
+from addon.scene.lens import lens
+from addon.scene.sources.shot import shot_of
 
 from ..scenes import slanted_shot
 
@@ -76,7 +76,7 @@ def test_nothing_is_left(off: None) -> None:
 
 
 def test_timers_and_threads_end(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    from addon.ui import depth_ahead
+    from addon.ui.jobs import depth_ahead
 
     made = slanted_shot(tmp_path, LENS)
     settings = build(scene, made.footage, made.reconstruction)
@@ -99,7 +99,7 @@ def test_timers_and_threads_end(scene: bpy.types.Scene, tmp_path: Path) -> None:
 
 def test_a_solve_under_way_ends(scene: bpy.types.Scene) -> None:
     from addon.core.base.progress import checkpoint
-    from addon.ui.solving import Solving, running_solve
+    from addon.ui.base.solving import Solving, running_solve
 
     def begin() -> None:
         while True:

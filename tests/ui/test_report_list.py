@@ -8,10 +8,10 @@ from pathlib import Path
 import bpy
 
 from addon.core.camera.reconstruction import Intrinsics
-from addon.render import frame_notes
+from addon.render.views import frame_notes
 from addon.scene.build import build
 from addon.ui import panels
-from addon.ui.report_list import next_of
+from addon.ui.jobs.report_list import next_of
 
 from ..recorder import draw
 from ..scenes import slanted_plane, slanted_shot

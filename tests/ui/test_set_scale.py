@@ -10,9 +10,9 @@ import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import open_footage
-from addon.scene import depth_of_field
 from addon.scene.build import build
-from addon.scene.shot import Shot
+from addon.scene.lens import depth_of_field
+from addon.scene.sources.shot import Shot
 
 from ..scenes import slanted_plane, slanted_shot, write_plane
 

@@ -16,11 +16,11 @@ from addon.core.camera.reconstruction import Intrinsics, rotation_matrix
 from addon.core.media.clip import open_footage
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
-from addon.render.message import lines
+from addon.render.viewport.message import lines
 from addon.scene.build import build
 from addon.ui import panels
-from addon.ui.solve import build_scene
-from addon.ui.solving import Solving
+from addon.ui.base.solving import Solving
+from addon.ui.footage.solve import build_scene
 
 from .. import foreign_models as foreign
 from .. import planes

@@ -14,7 +14,7 @@ from addon.cli.main import run_command
 from addon.cli.words import WORDS as COMMAND_LINE
 from addon.core.base.errors import Remedy, UserError
 from addon.core.sfm.process import SolveProcess
-from addon.scene.remedy_words import WORDS as INTERFACE
+from addon.scene.base.remedy_words import WORDS as INTERFACE
 
 from .. import planes
 

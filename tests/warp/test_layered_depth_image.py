@@ -21,7 +21,7 @@ from addon.core.warp.layered_depth_image import LayeredDepthImage, depth_peel, i
 from addon.core.warp.layered_mesh import FINER, WIDEST, LayeredMeshOptions
 from addon.core.warp.mesh import WarpMesh
 from addon.core.warp.quadtree import SILHOUETTE_ERROR, Surfaces, triangulate
-from addon.render import gpu_views
+from addon.render.views import gpu_views
 from sample_scenes import cycles_views
 
 from .. import planes

@@ -24,7 +24,7 @@ from addon.core.warp.disocclusion_fill import HiddenColours
 from addon.core.warp.layered_depth_image import split
 from addon.core.warp.layered_mesh import layer_mesh
 from addon.core.warp.matting import corrected
-from addon.render import gpu_views
+from addon.render.views import gpu_views
 
 from ..scenes import texture
 

@@ -88,6 +88,6 @@ def read_exr(file: Path) -> NDArray[np.float32]:
     """(H, W, 4) float32, top row first."""
     import bpy  # noqa: F401  it brings the module that decodes
 
-    from addon.scene.exr import read
+    from addon.scene.base.exr import read
 
     return read(file)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from addon.ui.lens_presets import ROOT, VIRTUAL_APERTURE_PT_lens_presets
+from addon.ui.focus.lens_presets import ROOT, VIRTUAL_APERTURE_PT_lens_presets
 
 from .clips import write_scene
 from .conftest import PICTURES

@@ -25,9 +25,9 @@ from .screen import Screen
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 MODULES = f"__import__('sys').modules['{EXTENSION}.addon"
-SOLVING = f"{MODULES}.ui.operators'].running_solve()"
-DEPTH = f"{MODULES}.ui.depth_ahead']._ahead"
-PREVIEW = f"{MODULES}.render.viewport'].PREVIEW"
+SOLVING = f"{MODULES}.ui.base.solving'].running_solve()"
+DEPTH = f"{MODULES}.ui.jobs.depth_ahead']._ahead"
+PREVIEW = f"{MODULES}.render.viewport.viewport'].PREVIEW"
 SECONDS = 4.0
 """How long each is watched."""
 WATCH = """

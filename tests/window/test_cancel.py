@@ -18,7 +18,7 @@ from .screen import Screen
 SIZES = ((640, 360), (1920, 1080))
 FAILING = f"""
 import sys
-views = sys.modules["{EXTENSION}.addon.render.gpu_views"]
+views = sys.modules["{EXTENSION}.addon.render.views.gpu_views"]
 kept = views.view_rows
 def failing(*_):
     raise RuntimeError("provoked while drawing")

@@ -12,7 +12,7 @@ from .conftest import PICTURES
 from .program import BACKEND, EXTENSION, Program, headless
 from .screen import Screen
 
-MATCHER = f"{EXTENSION}.addon.scene.gpu_matcher"
+MATCHER = f"{EXTENSION}.addon.scene.gpu.gpu_matcher"
 ALONE = f"""
 import bpy, gpu, importlib
 gpu.init()

@@ -33,7 +33,7 @@ def blend(folder: Path, registered: None, desk: Path, desk_work: Path) -> Path:
     from addon.core.depth.source import NO_PICTURE
     from addon.core.sfm.workspace import load_solve
     from addon.scene.build import build
-    from addon.scene.shot import shot_of
+    from addon.scene.sources.shot import shot_of
 
     made = folder / "pick"
     made.mkdir()

@@ -23,8 +23,8 @@ from .screen import Screen
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 MODULES = f"__import__('sys').modules['{EXTENSION}.addon"
-DEPTH = f"{MODULES}.ui.depth_ahead']._ahead"
-VIEWPORT = f"{MODULES}.render.viewport']"
+DEPTH = f"{MODULES}.ui.jobs.depth_ahead']._ahead"
+VIEWPORT = f"{MODULES}.render.viewport.viewport']"
 PREVIEW = f"{VIEWPORT}.PREVIEW"
 SHADING = "view('VIEW_3D')['area'].spaces.active.shading.type"
 FRAME = (
@@ -109,7 +109,7 @@ def message(program: Program, name: str) -> tuple[str, int, np.ndarray]:
     shot = program.shot(name)
     assert len(said) == 1
     lines, (left, bottom, right, top) = program.ask(
-        f"m, v = {MODULES}.render.message'], view('VIEW_3D')\n"
+        f"m, v = {MODULES}.render.viewport.message'], view('VIEW_3D')\n"
         f"list(m.ground({said[0]!r}, m.free_part(v['area'], v['region']),"
         " bpy.context.preferences.system.ui_scale))"
     )
@@ -220,7 +220,7 @@ def test_a_portrait_clip_after_a_landscape_one_is_seen_whole(program: Program, b
         f"{SETTINGS}.footage = {str(clip)!r}\n"
         f"footage = {MODULES}.core.media.clip'].open_footage(Path({str(clip)!r}))\n"
         f"work = Path({str(default_work_dir(clip, blend.parent))!r})\n"
-        f"{MODULES}.ui.operators'].build_scene(bpy.context.scene, footage, work)\n"
+        f"{MODULES}.ui.footage.solve'].build_scene(bpy.context.scene, footage, work)\n"
         "None"
     )
     program.settle()

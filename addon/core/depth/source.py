@@ -83,7 +83,7 @@ def extended(values: Floats | Map, past_border: Map | None, margin: int) -> Map:
 class DepthSource(Protocol):
     """Something that may know the depth of a frame: the user's maps, stereo, or the truth of a benchmark.
 
-    A new one is a file here and a line where it is opened (`scene/shot.py`):
+    A new one is a file here and a line where it is opened (`scene/sources/shot.py`):
 
     >>> class Wall(DepthSource):
     ...     def at(self, frame, canvas, picture):

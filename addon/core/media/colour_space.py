@@ -2,7 +2,7 @@
 
 A camera's space is a curve for each channel and a matrix of its primaries; Rec.2100-HLG has a system gamma of
 the luminance between them (ITU-R BT.2100-3, table 5). Which curve and which matrix is not written down here:
-Blender's own colour configuration is asked (`scene/colour_space.py`).
+Blender's own colour configuration is asked (`scene/sources/colour_space.py`).
 """
 
 from __future__ import annotations

@@ -22,11 +22,11 @@ from ..media.clip_identity import identity
 from ..media.video import video_info
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
-from .known_cameras import thinned, write_cameras
-from .report import STAYS
+from .mapping.known_cameras import thinned, write_cameras
+from .mapping.report import STAYS
 from .staging import Staging
 from .state import MODEL
-from .watching import Sight, decoded
+from .tracking.tracker_pictures import Sight, decoded
 from .workspace import check_import, check_replaceable, imported_from, is_solved
 
 CAMERAS = "cameras.json"

@@ -29,15 +29,16 @@ from ..media.container import equivalent_focal
 from ..media.exif import photo_data
 from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
-from . import known_poses, lens
-from .degeneracy import StaysError, refuse_cuts
-from .known_cameras import read_cameras
-from .people_left_out import without_people
-from .photo_matching import Photo, find_features, match_all
-from .report import STAYS
-from .tracks import Tracks, are_bridged, check_shape, cuts, match_features, track_features
-from .visibility import visible_points
-from .watching import Watch
+from .calibration import lens
+from .mapping import known_poses
+from .mapping.known_cameras import read_cameras
+from .mapping.report import STAYS
+from .mapping.visibility import visible_points
+from .tracking.degeneracy import StaysError, refuse_cuts
+from .tracking.people_left_out import without_people
+from .tracking.photo_matching import Photo, find_features, match_all
+from .tracking.tracker_pictures import Watch
+from .tracking.tracks import Tracks, are_bridged, check_shape, cuts, match_features, track_features
 from .workspace import keep_visible
 
 SHARES = {
@@ -95,7 +96,7 @@ def main(job_path: str) -> int:
 def _solve(job: dict[str, Any]) -> None:
     began = time.monotonic()
     # After cv2 has been imported, and with pycolmap's own handler for SIGTERM, which can hang, taken out.
-    from . import incremental_mapping
+    from .mapping import incremental_mapping
 
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     picture_file.exr_decoder = _exr
@@ -118,7 +119,7 @@ def _solve(job: dict[str, Any]) -> None:
 
 def _solve_photos(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Solve unordered photos into the folder; returns the report's figures."""
-    from .photo_mapping import place_photos
+    from .mapping.photo_mapping import place_photos
 
     given, first = job["lens"]["focal"], max(footage.width, footage.height)
     photos = find_features(footage, _progress)
@@ -231,7 +232,7 @@ def _without_people(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _F
 
 def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, may_stay: bool) -> _Found:
     """Both found from tracks."""
-    from . import incremental_mapping
+    from .mapping import incremental_mapping
 
     prior = incremental_mapping.FocalPrior(**job["lens"])
     metadata_focal = None if prior.focal or prior.zooms else _metadata_focal(footage)

@@ -29,7 +29,7 @@ from ..media.video import first_frame
 from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
-from .report import Report, report
+from .mapping.report import Report, report
 from .staging import Staging, recover
 from .state import MODEL, STATE, UnusableStateError, check_model, is_state_of, read_state, recorded_places
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import bpy
 
 from ...core.media.sequence import is_pattern
-from .. import import_solve, notices, preferences
+from ..footage import import_solve
+from . import notices, preferences
 from .panel import ClosedPanel, split
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import bpy
 
 from ...core.base.counting import counted
-from ...scene import blender_focus, depth_of_field
-from .. import focus, focus_list, subjects
+from ...scene.lens import blender_focus, depth_of_field
+from ..focus import focus_list, subjects
+from ..picking import pick_vertices
 from .panel import ClosedPanel, split
 
 
@@ -53,7 +54,7 @@ def _draw_points(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, 
     text.active = by_points
     summary = f"{counted(len(settings.focus_points), 'point')}, picked at frame {settings.focus_frame}"
     text.label(text=summary, icon="PINNED")
-    picked.operator(focus.VIRTUAL_APERTURE_OT_clear_focus.bl_idname, text="", icon="X")
+    picked.operator(pick_vertices.VIRTUAL_APERTURE_OT_clear_focus.bl_idname, text="", icon="X")
 
 
 class VIRTUAL_APERTURE_PT_subjects(ClosedPanel, bpy.types.Panel):  # noqa: N801

@@ -5,10 +5,10 @@ from __future__ import annotations
 import bpy
 
 from ...core.base.errors import UserError
-from ...scene import depth_of_field, lens
-from .. import bokeh, lens_presets
-from ..operators import sentence
-from ..text import wrapped
+from ...scene.lens import depth_of_field, lens
+from ..base.operators import sentence
+from ..base.text import wrapped
+from ..focus import bokeh, lens_presets
 from .main import draw_subject
 from .panel import ClosedPanel, split
 

@@ -8,30 +8,17 @@ import bpy
 
 from ...core.focus.first_focus import NEAREST
 from ...core.subjects.networks import MISSING, Networks
-from ...scene import blender_focus, depth_of_field, lens, version
-from ...scene.timeline import clip_frame
-from .. import (
-    choose_clip,
-    depth_ahead,
-    first_person,
-    focus,
-    focus_list,
-    lens_presets,
-    movie,
-    notices,
-    operators,
-    photos,
-    pick_focus,
-    preview,
-    render_clip,
-    report_list,
-    set_scale,
-    solve,
-    solving,
-)
-from ..solving import Solving
-from ..text import progress_row, wrapped
-from . import clip, render
+from ...scene.base import version
+from ...scene.base.timeline import clip_frame
+from ...scene.lens import blender_focus, depth_of_field, lens
+from ..base import operators, solving
+from ..base.solving import Solving
+from ..base.text import progress_row, wrapped
+from ..focus import focus_list, lens_presets
+from ..footage import choose_clip, photos, solve
+from ..jobs import depth_ahead, first_person, movie, render_clip, report_list
+from ..picking import pick_focus, pick_vertices, set_scale
+from . import clip, live_preview, notices, render
 from .panel import PRIMARY, Panel, split
 
 MOST_MARKS = 5
@@ -105,15 +92,15 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     settings = context.scene.virtual_aperture
     layout.label(text="Solved", icon="CHECKMARK")
     row = _large(layout)
-    is_shown = preview.is_shown(context)
+    is_shown = live_preview.is_shown(context)
     row.operator(
-        preview.VIRTUAL_APERTURE_OT_preview.bl_idname, text="End Preview" if is_shown else "Preview",
+        live_preview.VIRTUAL_APERTURE_OT_preview.bl_idname, text="End Preview" if is_shown else "Preview",
         icon="SHADING_RENDERED", depress=is_shown,
     )  # fmt: skip
     row.operator(pick_focus.VIRTUAL_APERTURE_OT_pick_focus.bl_idname, icon="EYEDROPPER")
     if settings.points.mode == "EDIT":
         wrapped(layout, context, "Select vertices on what should be sharp, ideally four", icon="INFO")
-        _large(layout).operator(focus.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
+        _large(layout).operator(pick_vertices.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
     _draw_marks(layout, context)
     _draw_missing(layout, context)
     _draw_amount(layout, settings)

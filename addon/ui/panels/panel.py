@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ...scene import version
+from ...scene.base import version
 
 PRIMARY = 1.4
 """Height of the button that a panel is about."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import preview
+from . import live_preview
 from .panel import ClosedPanel, split
 
 
@@ -15,7 +15,7 @@ class VIRTUAL_APERTURE_PT_preview(ClosedPanel, bpy.types.Panel):  # noqa: N801
         settings = context.scene.virtual_aperture
         layout = split(self.layout)
         column = layout.column()
-        column.active = preview.is_shown(context)
+        column.active = live_preview.is_shown(context)
         column.prop(settings, "viewport_shows")
         column.prop(settings, "viewport_wipe")
         row = layout.row()

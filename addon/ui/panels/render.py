@@ -6,7 +6,7 @@ import bpy
 
 from ...core.frame.meshers import MESHERS
 from ...scene.cg_objects import cg_objects
-from .. import export, movie
+from ..jobs import export, movie
 from .panel import ClosedPanel, split
 
 

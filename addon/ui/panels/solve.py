@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import bpy
 
-from ...scene import masks
-from .. import after_solve, depth_ahead, operators, solve
-from ..text import wrapped
+from ...scene.sources import masks
+from ..base import operators
+from ..base.text import wrapped
+from ..footage import after_solve, solve
+from ..jobs import depth_ahead
 from . import clip
 from .panel import ClosedPanel, split
 

@@ -1,0 +1,388 @@
+"""Structure from motion for video.
+
+Runs in the worker process only: pycolmap can take its process along.
+
+Keyframes first, with the focal length held (COLMAP's defaults fail on short video): by pairs of pictures
+with parallax or, where that explains too little, all at once. Then the focal length, as far as the clip
+determines it; then every other frame by its pose from the same tracks; then all of it
+adjusted once more. A zoom is taken out of the tracks before, and given back to the frames after the
+keyframes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+# The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
+import cv2
+import numpy as np
+import pycolmap
+
+from ...base.arrays import Floats, Ints
+from ...base.errors import Remedy, UserError
+from ...camera.reconstruction import Reconstruction, normalise
+from ..adjustment import small_motion, solution
+from ..adjustment.solution import MIN_POINTS, Solution
+from ..calibration import self_calibration
+from ..calibration.lens import Lens, find_lens
+from ..calibration.rotation import turned
+from ..calibration.stabilised import refuse_shifted
+from ..calibration.stationary import WEAK, DepthEvidence, depth_evidence
+from ..tracking.degeneracy import StaysError, check_motion, only_turns
+from ..tracking.tracks import Progress, Tracks
+from .keyframes import adjust, keyframe_features, keyframes, map_keyframes
+from .report import STAYS
+
+
+@dataclass(frozen=True)
+class FocalPrior:
+    """Prior knowledge of the focal length."""
+
+    focal: float | None = None
+    """Pixels."""
+    sigma: float = 0.0
+    """Relative standard deviation of `focal`; 0 holds it."""
+    zooms: bool = False
+    """True if the focal length changes over the clip."""
+
+    @property
+    def free(self) -> bool:
+        """No focal length was given that is to be held."""
+        return self.focal is None or self.sigma > 0
+
+
+# Chosen by inspection where no line below gives a measurement; checked by the solves of `make bench-solve`.
+START_FOCAL = 0.85
+"""Focal length to begin with, in long sides of the frame: a phone's main camera."""
+START_SIGMA = 0.2
+"""Relative standard deviation of a focal length that nobody gave."""
+LONGER_FOCAL = 1.3
+"""Factor of the first focal length that gives a second one to begin with."""
+MIN_PARALLAX = 1.0
+"""Pixels of a 1,000-pixel frame that no rotation explains; with less, pairs of pictures are not tried: it
+is a trembling hand, or only turns."""
+TOLD_PARALLAX = 0.3
+"""Pixels of a 1,000-pixel frame that no rotation explains, below which depth from elsewhere is better. A
+still camera can reach it."""
+DOUBTFUL_PARALLAX = 10.0
+"""Pixels of a 1,000-pixel frame that no rotation explains; with less, the clip's halves are to find the
+same depths."""
+GOOD_EXPLAINED = 0.8
+"""Share of the observations that a good solve explains; less, and something moves by itself or went
+wrong: other ways are tried."""
+MIN_FOLLOWED = 0.25
+"""Share of the observations that pairs of pictures must explain for other pairs to be tried: they bring 0.46
+to 0.65 in a busy restaurant, and nothing to a walk ahead with 0.22 and to nearly static cameras."""
+MIN_EXPLAINED = 0.565
+"""Share of the observations below which a solve is refused. Between the clips of `benchmarks.solving`,
+where a thing of 30 % of the picture that goes its own way leaves 0.58 to 0.63 and the solve is right, and
+0.47 to 0.55 of shifted ones."""
+MIN_GROWTH = 1.05
+"""Ratio of the picture's scales over a clip below which it is not tested whether the lens zooms."""
+MIN_ZOOM_GAIN = 1.1
+"""Factor by which the score of a zoom that nobody announced must exceed that of one focal length."""
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A reconstruction and its report's figures."""
+
+    reconstruction: Reconstruction
+    method: str
+    """"pairs", "at once" or `STAYS`."""
+    focal_sigma: float
+    """Relative standard deviation of the focal length, what was known before included."""
+    focal_from_clip: bool
+    """True if the clip determines the focal length better than the prior."""
+    parallax: float
+    """Pixels of a 1,000-pixel frame that no rotation explains."""
+    angle: float
+    """Median angle in degrees between the outermost rays of a point."""
+    explained: float
+    """Share of the observations of lasting tracks that agree with a point that stands still."""
+    moving: Ints
+    """Numbers of lasting tracks that do not."""
+    zooms: bool
+    """Solved with a focal length a frame."""
+    depth_evidence: DepthEvidence | None
+    """Depth of the clip; None if too few tracks could be compared."""
+    weak_depth: float | None
+    """Relative uncertainty of depth over its range where the clip has hardly any; else None."""
+    lens: Lens | None = None
+    """The clip's lens and shutter; None without evidence, or without a search."""
+
+
+def reconstruct(
+    tracks: Tracks,
+    prior: FocalPrior,
+    progress: Progress,
+    may_stay: bool = False,
+) -> Mapped:
+    """Return cameras and points of a clip from its tracks, normalised.
+
+    Args:
+        tracks: Those of the clip.
+        prior: Prior of the focal length.
+        progress: Called with the stage, done and all steps.
+        may_stay: True if depth is known from elsewhere: the turns of a camera that stays in its place are
+            then enough.
+
+    Raises:
+        UserError: The clip has no solution; the message has the reason.
+    """
+    try:
+        parallax = check_motion(tracks)
+        if not may_stay or parallax >= TOLD_PARALLAX:
+            return _moving(tracks, prior, parallax, progress)
+    except StaysError:
+        if not may_stay:
+            raise
+    return staying(tracks, prior, progress)
+
+
+def staying(tracks: Tracks, prior: FocalPrior, progress: Progress) -> Mapped:
+    """Solve a clip by how the camera turns in its place; arguments and errors as of `reconstruct`."""
+    focal = prior.focal or START_FOCAL * max(tracks.width, tracks.height)
+    known = prior.sigma if prior.focal else START_SIGMA
+    found = turned(tracks, focal, known, progress)
+    share, moving = solution.explained(found.solution)
+    reconstruction = solution.collect(found.solution)
+    if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
+        raise UserError("too little of this clip stands still; choose another range of frames")
+    return Mapped(
+        normalise(reconstruction), STAYS, found.focal_sigma, found.focal_from_clip, 0.0, 0.0, share, moving,
+        False, None, None,
+    )  # fmt: skip
+
+
+def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progress) -> Mapped:
+    """A camera that leaves its place, with a `parallax` in pixels of a 1,000-pixel frame."""
+    keys = keyframes(tracks)
+    start = prior.focal or START_FOCAL * max(tracks.width, tracks.height)
+    solver = _Keyframes(keys, start, prior, parallax, progress)
+    found, ratio = solver.zoom_or_not(tracks)
+    depth = _depth(found.solution)
+    if ratio is None and not found.searched:
+        found = solver.with_lens(found)
+        if found.lens is not None:
+            depth = _depth(found.solution)
+    best, lens = found.solution, found.lens
+    weak, sigma = None, found.focal_sigma
+    if depth is not None and depth.uncertainty >= WEAK:
+        # A lens that is taken for depth is taken for a focal length, too.
+        weak, sigma = depth.uncertainty, max(sigma, prior.sigma if prior.focal else START_SIGMA)
+    refuse_shifted(best, keys)
+    if ratio is not None:
+        self_calibration.refine_zoom(best, tracks, ratio)
+    solution.register_frames(best, progress)
+    for step in range(2):
+        progress("Adjusting", step, 2)
+        if lens is not None:
+            lens.take_out(best)
+        solution.triangulate(best)
+        solution.drop_bad(best)
+        adjust(best)
+    solution.drop_bad(best)
+    angle = solution.drop_shallow(best)
+    explained, moving = solution.explained(best)
+    if explained < MIN_EXPLAINED:
+        raise UserError(
+            f"only {100 * explained:.0f}% of what was tracked fits a scene that stands still: too much"
+            " moves on its own, or the pictures were stabilised or warped afterwards; choose another range"
+            " of frames, or solve the clip as it was filmed",
+            Remedy.FRAMES,
+        )
+    reconstruction = solution.collect(best)
+    if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
+        raise UserError("too few points could be placed in 3D; film with more sideways movement")
+    return Mapped(
+        normalise(reconstruction if lens is None else lens.recording(reconstruction)), found.method, sigma,
+        found.focal_from_clip, parallax, angle, explained, moving, ratio is not None, depth, weak, lens,
+    )  # fmt: skip
+
+
+def _depth(made: Solution) -> DepthEvidence | None:
+    """The clip's depth; StaysError if a turning camera explains it as well."""
+    depth = depth_evidence(made)
+    if depth is not None and depth.gain <= 0:
+        raise only_turns(
+            f"{depth.parallax:.2f} of 1000 px are beyond what any lens shows that turns, with"
+            f" {depth.noise:.2f} of noise, GRIC {depth.gain:.2f}"
+        )
+    return depth
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the libraries that a solve depends on."""
+    return {"numpy": np.__version__, "opencv": cv2.__version__, "pycolmap": pycolmap.__version__}
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A solution of the keyframes by one method."""
+
+    solution: Solution
+    method: str
+    focal_sigma: float
+    focal_from_clip: bool
+    explained: float
+    """Share of the keyframes registered times the share of their observations that take part."""
+    score: float
+    """Share of the keyframes' observations that is explained, by closeness; 1 is all."""
+    lens: Lens | None = None
+    """The lens that was removed from the tracks."""
+    searched: bool = False
+    """A lens was looked for."""
+
+
+@dataclass(frozen=True)
+class _Keyframes:
+    """A clip's keyframes before they are solved."""
+
+    keys: list[int]
+    """Indices of the clip's frames."""
+    start: float
+    """Pixels of focal length to begin with."""
+    prior: FocalPrior
+    parallax: float
+    """Pixels of a 1,000-pixel frame that no rotation explains."""
+    progress: Progress
+
+    def zoom_or_not(self, tracks: Tracks) -> tuple[_Found, Floats | None]:
+        """Solve the keyframes; also returns the zoom (F,) if the lens zooms.
+
+        An unannounced change of focal length leaves much unexplained; a given focal length does not change.
+        """
+        found = None if self.prior.zooms else self._solution(tracks)
+        if found is not None and not found.searched and found.explained < GOOD_EXPLAINED:
+            found = self.with_lens(found)
+        if found is not None and (not self.prior.free or found.explained >= GOOD_EXPLAINED):
+            return found, None
+        ratio = self_calibration.zoom_ratios(tracks)
+        if found is not None and ratio.max() < MIN_GROWTH * ratio.min():
+            return found, None
+        other = self._solution(self_calibration.zoomed(tracks, ratio), bends=False)
+        if found is not None and other.score < MIN_ZOOM_GAIN * found.score:
+            return found, None
+        return other, ratio
+
+    def with_lens(self, found: _Found) -> _Found:
+        """Remove the lens that the keyframes show from the tracks."""
+        self.progress("Looking for a lens", 0, 1)
+        told = find_lens(found.solution, self.start, self._known)
+        if told is None:
+            return replace(found, searched=True)
+        made = told.solution
+        share, score = self._explained(made)
+        from_clip = told.focal_sigma < self._known / np.sqrt(2)
+        return _Found(made, found.method, told.focal_sigma, from_clip, share, score, told.lens, True)
+
+    @property
+    def _known(self) -> float:
+        """Relative standard deviation of the focal length to begin with; 0 holds it."""
+        return self.prior.sigma if self.prior.focal else START_SIGMA
+
+    def _explained(self, made: Solution) -> tuple[float, float]:
+        """As `_Found.explained` and `_Found.score`."""
+        share, _ = solution.explained(made)
+        posed = float(np.isfinite(made.translation[self.keys, 0]).mean())
+        return share * posed, solution.score(made, self.keys)
+
+    def _is_doubtful(self, found: _Found | None) -> bool:
+        """Whether there is little parallax, and no solve, or one whose halves do not agree on depths."""
+        if self.parallax >= DOUBTFUL_PARALLAX or found is None:
+            return self.parallax < DOUBTFUL_PARALLAX
+        return self_calibration.halves_disagree(found.solution)
+
+    def _solution(self, tracks: Tracks, bends: bool = True) -> _Found:
+        """The best solution of all methods; UserError without any.
+
+        With `bends`, the lens may bend where that alone can save the solution.
+        """
+        found: list[_Found] = []
+        good, focal = GOOD_EXPLAINED, self.start
+
+        def keep(made: Solution | None, method: str) -> None:
+            if made is not None:
+                self.progress("Settling the focal length", 0, 1)
+                if (judged := self._judged(made, method)) is not None:
+                    found.append(judged)
+
+        if self.parallax >= MIN_PARALLAX:
+            keep(self._by_pairs(tracks, focal), "pairs")
+            if found and MIN_FOLLOWED < found[0].explained < good:
+                # It may have followed a moving object: its tracks are removed, and the rest tried.
+                keep(self._by_pairs(_without(tracks, found[0].solution), focal, tracks), "pairs")
+                if self.prior.free and max(found, key=lambda each: each.score).explained < good:
+                    # Or it began with too short a lens and holds a flat background for all there is.
+                    keep(self._by_pairs(tracks, LONGER_FOCAL * focal), "pairs")
+        if not found or max(each.explained for each in found) < good:
+            keep(self._at_once(tracks), "at once")
+        best = max(found, key=lambda each: each.score, default=None)
+        doubtful = self._is_doubtful(best)
+        if doubtful and bends and best is not None:
+            # Distortion may be taken for depth, a different one in each half.
+            best = self.with_lens(best)
+            doubtful = self._is_doubtful(best)
+        if doubtful:
+            raise only_turns(
+                f"{self.parallax:.2f} of 1000 px are not explained by turning, and do not agree on depth"
+            )
+        if best is None:
+            raise UserError(
+                "no camera path explains this clip: too little parallax, or too much moves on its own;"
+                " choose another range of frames, or film with more sideways movement",
+                Remedy.FRAMES,
+            )
+        return best
+
+    def _judged(self, made: Solution, method: str) -> _Found | None:
+        """A solution with its focal length refined, and its explained share; None without good points."""
+        solution.triangulate(made)
+        solution.drop_bad(made)
+        if np.count_nonzero(np.isfinite(made.xyz[:, 0])) < MIN_POINTS:
+            return None
+        sigma, from_clip = self_calibration.refine_focal_length(made, self.start, self._known)
+        solution.triangulate(made)
+        solution.drop_bad(made)
+        return _Found(made, method, sigma, from_clip, *self._explained(made))
+
+    def _by_pairs(self, tracks: Tracks, focal: float, whole: Tracks | None = None) -> Solution | None:
+        """COLMAP's incremental mapping; the solution is of the tracks `whole` if these are part of them."""
+        features = keyframe_features(tracks, self.keys)
+        model = map_keyframes(tracks, features, focal, self.progress)
+        if model is None or model.num_points3D() < MIN_POINTS:
+            return None
+        made = solution.empty(whole or tracks, focal)
+        support = np.zeros(tracks.count, int)
+        for number in model.reg_image_ids():
+            image, index = model.images[number], self.keys[number - 1]
+            pose = image.cam_from_world()
+            made.rotation[index], made.translation[index] = pose.rotation.matrix(), pose.translation
+            ids = features[number - 1][0]
+            for row, feature in enumerate(image.points2D):
+                # Verification can split a track into several points: the best supported one is taken.
+                if feature.has_point3D():
+                    point = model.points3D[feature.point3D_id]
+                    if point.track.length() > support[ids[row]]:
+                        support[ids[row]] = point.track.length()
+                        made.xyz[ids[row]] = point.xyz
+        return made
+
+    def _at_once(self, tracks: Tracks) -> Solution | None:
+        """One adjustment of all keyframes from nothing; None where too few tracks span them."""
+        span = small_motion.long_tracks(tracks, self.keys)
+        if len(span.tracks) < 4 * MIN_POINTS:
+            return None
+        placed = small_motion.general_motion(span, small_motion.rotation_only(span, self.start).bundle)
+        made = solution.empty(tracks, self.start)
+        made.rotation[self.keys] = placed.bundle.rotation
+        made.translation[self.keys] = placed.bundle.translation
+        made.xyz[span.tracks] = placed.bundle.world
+        return made
+
+
+def _without(tracks: Tracks, made: Solution) -> Tracks:
+    """The tracks that a solution has no point for; their numbers stay."""
+    rows = np.isnan(made.xyz[tracks.track, 0])
+    return replace(tracks, frame_index=tracks.frame_index[rows], track=tracks.track[rows], xy=tracks.xy[rows])

@@ -1,0 +1,223 @@
+"""Cameras and points of unordered photos, by COLMAP's incremental mapping. Worker process only.
+
+Photos of one size and focal length share a camera: a focal length and one term of radial distortion, which
+wide angles between the photos determine. With narrow angles both are held at their priors. Schönberger and
+Frahm, "Structure-from-motion revisited", 2016.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+# The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
+import cv2  # noqa: F401
+import numpy as np
+import pycolmap
+
+from ...base.arrays import Ints
+from ...base.atomic import temporary_folder
+from ...base.errors import UserError
+from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction, normalise, outermost_angles
+from ..tracking.photo_matching import Photo
+from ..tracking.tracks import Progress
+from .keyframes import THREADS, mapper_options
+
+MODEL = "SIMPLE_RADIAL"
+
+# Chosen by inspection of solved photos where no line below gives a measurement.
+START_FOCAL = 0.85
+"""Initial focal length without a prior, in long sides of the photo: a phone's main camera. Wide angles
+correct it."""
+WIDE_ANGLES = (8.0, 4.0)
+"""Degrees between two photos of a point to begin with, at which focal lengths are found, too; COLMAP's 16
+fail on photos taken from one place with a stretched arm."""
+NARROW_ANGLES = (2.0, 1.0)
+"""Degrees with which focal lengths are held: see `keyframes.map_keyframes`."""
+ENOUGH = 0.8
+"""Share of the photos with which no other angle is tried."""
+MAX_ERROR = 4.0
+"""Pixels of a 1,000-pixel photo by which a match may miss its epipolar line: lenses bend."""
+MIN_ANGLE = 0.5
+"""Median degrees between a point's outermost rays below which there is no depth in the photos."""
+MIN_POINTS = 12
+"""Points that a model must have."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A reconstruction and its report's figures."""
+
+    reconstruction: Reconstruction
+    is_calibrated: bool
+    """True if the focal length comes from the photos, not from the prior."""
+    angle: float
+    """Median degrees between a point's outermost rays."""
+
+
+def place_photos(
+    photos: Sequence[Photo],
+    matches: dict[tuple[int, int], Ints],
+    focal: Callable[[Photo], float | None],
+    is_held: bool,
+    progress: Progress,
+) -> Placed:
+    """Return cameras and points of photos from their matches, normalised.
+
+    Args:
+        photos: The photos.
+        matches: Matched features of pairs.
+        focal: Returns a photo's prior focal length in pixels.
+        is_held: True to hold it.
+        progress: Called with the stage, done and all steps.
+
+    Raises:
+        UserError: No two photos show one scene from different places.
+    """
+    with temporary_folder() as folder:
+        database = folder / "database.db"
+        lens_of = _write_database(database, photos, matches, focal)
+        progress("Placing photos", 0, len(photos))
+        verification = pycolmap.TwoViewGeometryOptions()
+        longest = max(max(photo.width, photo.height) for photo in photos)
+        verification.ransac.max_error = MAX_ERROR * longest / 1000
+        verification.ransac.random_seed = 0
+        threads = pycolmap.GeometricVerifierOptions()
+        threads.num_threads = THREADS
+        pycolmap.geometric_verification(database, threads, two_view_geometry_options=verification)
+        tried: list[tuple[pycolmap.Reconstruction, bool]] = []
+        angles = [(angle, not is_held) for angle in WIDE_ANGLES]
+        angles += [(angle, False) for angle in NARROW_ANGLES]
+        for angle, frees in angles:
+            model = _mapped(database, folder, angle, frees, longest, len(photos), progress)
+            if model is not None:
+                tried.append((model, frees))
+                if model.num_reg_images() >= ENOUGH * len(photos):
+                    break
+    if not tried:
+        raise UserError(
+            "no two of these photos show the same things from different places; take more, a step apart,"
+            " with plenty of overlap"
+        )
+    best, is_calibrated = max(tried, key=lambda each: (each[0].num_reg_images(), each[0].num_points3D()))
+    reconstruction = normalise(_collected(best, photos, lens_of))
+    angle = _median_angle(reconstruction)
+    if angle < MIN_ANGLE:
+        raise UserError(
+            f"these photos are taken from one place ({angle:.2f} degrees between them): too little parallax;"
+            " take them from places a step apart"
+        )
+    return Placed(reconstruction, is_calibrated, angle)
+
+
+def _write_database(
+    path: Path,
+    photos: Sequence[Photo],
+    matches: dict[tuple[int, int], Ints],
+    focal: Callable[[Photo], float | None],
+) -> list[int]:
+    """The photos, image i + 1 being photo i, as COLMAP reads them; the numbers of their cameras."""
+    known = [focal(photo) for photo in photos]
+    keys = [
+        (photo.width, photo.height, None if own is None else round(own, 1))
+        for photo, own in zip(photos, known, strict=True)
+    ]
+    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys), 1)}
+    with pycolmap.Database.open(path) as database, pycolmap.DatabaseTransaction(database):
+        for (width, height, own), number in numbers.items():
+            camera = pycolmap.Camera.create_from_model_name(
+                number, MODEL, focal_length=own or START_FOCAL * max(width, height), width=width,
+                height=height,
+            )  # fmt: skip
+            # COLMAP does not free a length in two views that has a prior, and a guess is better than none.
+            camera.has_prior_focal_length = True
+            database.write_camera(camera, use_camera_id=True)
+            rig = pycolmap.Rig()
+            rig.rig_id = number
+            rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, number))
+            database.write_rig(rig, use_rig_id=True)
+        for index, (photo, key) in enumerate(zip(photos, keys, strict=True), 1):
+            image = pycolmap.Image(name=f"{index:06d}", camera_id=numbers[key], image_id=index)
+            database.write_image(image, use_image_id=True)
+            frame = pycolmap.Frame()
+            frame.frame_id, frame.rig_id = index, numbers[key]
+            frame.add_data_id(image.data_id)
+            database.write_frame(frame, use_frame_id=True)
+            database.write_keypoints(index, photo.xy.astype(np.float32))
+        for (i, j), rows in matches.items():
+            if len(rows):
+                database.write_matches(i + 1, j + 1, rows.astype(np.uint32))
+    return [numbers[key] for key in keys]
+
+
+def _mapped(
+    database: Path,
+    folder: Path,
+    angle: float,
+    frees: bool,
+    longest: int,
+    count: int,
+    progress: Progress,
+) -> pycolmap.Reconstruction | None:
+    """The best model at an angle to begin with; None where there is none."""
+    settings = mapper_options(angle)
+    settings.min_model_size = 2
+    settings.ba_refine_focal_length = settings.ba_refine_extra_params = frees
+    mapper = settings.mapper
+    mapper.abs_pose_refine_focal_length = mapper.abs_pose_refine_extra_params = frees
+    mapper.init_min_num_inliers = 30
+    mapper.filter_max_reproj_error = max(2.0, MAX_ERROR * longest / 2000)
+    mapper.abs_pose_max_error = 3 * mapper.filter_max_reproj_error
+    done = [2]
+
+    def next_image() -> None:
+        done[0] += 1
+        progress("Placing photos", min(done[0], count), count)
+
+    (folder / "model").mkdir(exist_ok=True)
+    models = pycolmap.incremental_mapping(
+        database, folder, folder / "model", settings, next_image_callback=next_image
+    )
+    best = max(models.values(), key=lambda m: (m.num_reg_images(), m.num_points3D()), default=None)
+    is_good = best is not None and best.num_reg_images() > 1 and best.num_points3D() >= MIN_POINTS
+    return best if is_good else None
+
+
+def _collected(
+    model: pycolmap.Reconstruction, photos: Sequence[Photo], lens_of: Sequence[int]
+) -> Reconstruction:
+    """COLMAP's model as our own type."""
+    numbers = {point: row for row, point in enumerate(sorted(model.points3D))}
+    xyz = np.array([model.points3D[point].xyz for point in numbers])
+    error = np.array([model.points3D[point].error for point in numbers])
+    rgb = np.zeros((len(numbers), 3), np.uint8)
+    used = sorted({lens_of[number - 1] for number in model.reg_image_ids()})
+    images = []
+    for number in sorted(model.reg_image_ids()):
+        photo, image = photos[number - 1], model.images[number]
+        # pycolmap gives features one by one.
+        seen = [(row, numbers[p.point3D_id]) for row, p in enumerate(image.points2D) if p.has_point3D()]
+        rows, points = np.array(seen, np.int32).reshape(-1, 2).T
+        rgb[points] = photo.rgb[rows]
+        pose = image.cam_from_world()
+        images.append(
+            Image(
+                photo.frame, pose.rotation.matrix(), np.asarray(pose.translation), photo.xy[rows], points,
+                used.index(lens_of[number - 1]),
+            )
+        )  # fmt: skip
+    lenses = tuple(
+        Intrinsics.from_parameters(MODEL, camera.width, camera.height, camera.params.tolist())
+        for camera in (model.cameras[number] for number in used)
+    )
+    return Reconstruction(lenses, tuple(images), Points(xyz, rgb, error), is_ordered=False)
+
+
+def _median_angle(reconstruction: Reconstruction) -> float:
+    points = np.concatenate([image.points for image in reconstruction.images])
+    rays = np.concatenate(
+        [reconstruction.points.xyz[image.points] - image.centre for image in reconstruction.images]
+    )
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    return float(np.nanmedian(outermost_angles(rays, points, len(reconstruction.points))))

@@ -1,0 +1,381 @@
+"""The quality of a solve, in numbers and in one sentence of advice."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ...base.arrays import Floats, Ints
+from ...base.counting import common_step, ranges
+from ...base.errors import Remedy, Words, with_words
+from ...camera.reconstruction import Reconstruction, outermost_angles
+from ...media.clip import describe
+
+STAYS = "turning"
+"""The method of a solve whose camera stays in its place: depth is that of maps, or estimated."""
+ESTIMATED = "the background's distance is a guess; depth maps of the clip are more exact"
+"""Advice for a clip that is solved for its people alone."""
+MOVING = "something moves: click it to focus on it"
+"""Advice for a clip in which much of the picture moves."""
+WEAK = 30
+"""Feature points; a frame with fewer has a mesh that knows little."""
+GRID = (8, 6)
+"""Columns and rows that a frame is divided into to see whether its points are spread."""
+BINS = 8
+UNSURE_FOCAL = 0.02
+UNSURE_DEPTH = 0.015
+"""Relative standard deviations above which lengths are not to be relied on."""
+UNTOLD_DEPTH = 0.5
+"""Relative error of a depth from which it is nearly unknown."""
+EXPLAINED = 0.8
+WRONG_ERROR, WRONG_SHARE = 4.0, 0.005
+"""Mean reprojection error, in pixels and in long sides, above both of which a model does not belong to these
+frames: COLMAP drops observations from 4 pixels on, and half a per cent is the limit for large pictures.
+Chosen by inspection."""
+
+
+@dataclass(frozen=True)
+class LensReport:
+    """The lens and shutter of a solve that searched for them; held terms are 0."""
+
+    distortion: list[float]
+    """k1 and k2 of COLMAP's RADIAL and OpenCV's model."""
+    distortion_sigma: list[float]
+    """Their standard deviations."""
+    corner: float
+    """Share by which the picture's corner is farther from its middle than a pinhole shows it."""
+    readout: list[float]
+    """As `Reconstruction.readout`."""
+    readout_sigma: list[float]
+    """Their standard deviations."""
+    frame_ms: float | None
+    """Milliseconds from a frame to the next; None if the clip has no rate."""
+
+    @classmethod
+    def of(cls, said: dict[str, Any]) -> LensReport | None:
+        """Read the lens of a solver's report; None if it did not search for one."""
+        if "readout" not in said:
+            return None
+        found = said.get("distortion") or {"terms": [0.0, 0.0], "sigma": [0.0, 0.0], "corner": 0.0}
+        fps = said.get("fps")
+        return cls(
+            found["terms"], found["sigma"], found["corner"], said["readout"], said["readout_sigma"],
+            1000 / fps if fps else None,
+        )  # fmt: skip
+
+    def lines(self) -> list[str]:
+        """Return lines for users."""
+        return [f"distortion    {self._bends()}", f"shutter       {self._reads()}"]
+
+    def _bends(self) -> str:
+        if not any(self.distortion):
+            return "not found, held at 0"
+        terms = ", ".join(
+            f"{name} {value:.4f} ±{sigma:.4f}" if value else f"{name} 0"
+            for name, value, sigma in zip(("k1", "k2"), self.distortion, self.distortion_sigma, strict=True)
+        )
+        where = "nearer to" if self.corner < 0 else "farther from"
+        return f"{terms}: the corner is {100 * abs(self.corner):.1f}% {where} the middle than a pinhole's"
+
+    def _reads(self) -> str:
+        if not any(self.readout):
+            return "rolling shutter not found"
+        axis = int(np.argmax(np.abs(self.readout)))
+        share, sigma = self.readout[axis], self.readout_sigma[axis]
+        first = ("left", "top")[axis] if share > 0 else ("right", "bottom")[axis]
+        unit, called = (self.frame_ms, "ms") if self.frame_ms else (100.0, "% of a frame's time")
+        return (
+            f"{('columns', 'rows')[axis]} are read in {unit * abs(share):.1f} ±{unit * sigma:.1f} {called},"
+            f" from the {first} on"
+        )
+
+
+@dataclass(frozen=True)
+class Report:
+    """The quality of a solve. Pixels are the clip's own."""
+
+    frames: int
+    registered: int
+    missing: list[int]
+    """Frame numbers without a camera."""
+    points: int
+    points_per_frame: list[int]
+    """Least, median, most."""
+    added: int
+    """Points besides those that a frame shows and did not track, median."""
+    histogram: list[list[int]]
+    """[from, to, frames] for ranges of points per frame."""
+    coverage: float
+    """Share of the cells of an 8x6 grid that hold points, mean over the frames."""
+    reprojection_error: float | None
+    """None where nothing was measured: no observation is ahead of its camera, or the file stores none."""
+    drift: float | None
+    """Pixels by which a track's last observations miss otherwise than its first ones, median; None where no
+    track is long enough."""
+    focal: list[float]
+    """Least and greatest focal length."""
+    focal_sigma: float | None
+    """Relative standard deviation; None if it is unknown."""
+    focal_from: str
+    """"clip", "given", "guess" or "file"."""
+    lens: LensReport | None
+    """None where no lens was looked for: in files, zooms, and of cameras that stay."""
+    angle: list[float] | None
+    """Degrees between the outermost rays of a point: quartiles. None where no point is seen twice."""
+    distances: list[float]
+    """Distances of points from cameras, along the view, in the model's own unit: 2nd percentile, median,
+    98th."""
+    depth_sigma: float | None
+    """Relative standard deviation of a typical depth; None without reprojection errors or angles."""
+    explained: float | None
+    """Share of the tracked observations that agree with a scene that stands still."""
+    weak: list[int]
+    """Frames with fewer than `WEAK` points."""
+    notes: list[str]
+    advice: str
+    """The most useful advice; empty if none is needed."""
+    remedies: tuple[Remedy, ...]
+    """Settings that follow the advice."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all fields, as they are written to JSON."""
+        return asdict(self)
+
+    def advised(self, words: Words) -> str:
+        """Return the advice in a line; empty without advice."""
+        return "\n".join(self._advice(words))
+
+    def _advice(self, words: Words) -> list[str]:
+        return [f"advice: {with_words(self.advice, self.remedies, words)}"] if self.advice else []
+
+    def text(self, words: Words) -> str:
+        """Return the report for users, with an interface's names of settings."""
+        sigma = "" if self.focal_sigma is None else f" ±{100 * self.focal_sigma:.1f}%"
+        low, high = self.focal
+        lens = f"{low:.0f} px" if high - low < 0.5 else f"{low:.0f} to {high:.0f} px"
+        source = {
+            "clip": "found from the clip",
+            "given": "given",
+            "metadata": "from the clip's file",
+            "guess": "typical of a phone, assumed",
+            "file": "read",
+        }
+        most = max(count for _, _, count in self.histogram)
+        bars = [
+            f"  {start:5d} to {end:5d} points  {count:4d} frames  {'#' * round(40 * count / most)}"
+            for start, end, count in self.histogram
+        ]
+        lines = [
+            f"frames        {self.registered} of {self.frames} registered"
+            + (f"; without a camera: {ranges(self.missing)}" if self.missing else ""),
+            f"points        {self.points}; per frame at least {self.points_per_frame[0]}, median"
+            f" {self.points_per_frame[1]}, at most {self.points_per_frame[2]}, and {self.added} more seen"
+            " by other frames;"
+            f" covering {100 * self.coverage:.0f}% of the picture",
+            *bars,
+            f"reprojection  {self._reprojection()}",
+            f"focal length  {lens}{sigma}, {source[self.focal_from]}",
+            *(self.lens.lines() if self.lens is not None else []),
+            f"parallax      {self._parallax()}",
+            f"distances     {self.distances[0]:.4g} to {self.distances[2]:.4g}, {self.distances[1]:.4g} in"
+            " the median, in the model's own unit",
+        ]
+        if self.explained is not None:
+            lines.append(f"standing still  {100 * self.explained:.0f}% of what was tracked")
+        if self.weak:
+            lines.append(f"weak frames   {ranges(self.weak)} (fewer than {WEAK} points)")
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), *self._advice(words)])
+
+    def _reprojection(self) -> str:
+        if self.reprojection_error is None:
+            return "not measured: the model has no usable observations"
+        drift = "" if self.drift is None else f"; drift along tracks {self.drift:.2f} px"
+        return f"{self.reprojection_error:.2f} px{drift}"
+
+    def _parallax(self) -> str:
+        unsure = "not known" if self.depth_sigma is None else f"uncertain by {100 * self.depth_sigma:.1f}%"
+        if self.angle is None:
+            return f"not measured: no point is seen in two frames; depth {unsure}"
+        quartiles = ", ".join(f"{q:.2f}" for q in self.angle)
+        return f"{quartiles} degrees (quartiles of the points); depth {unsure}"
+
+
+def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[str, Any]) -> Report:
+    """Return the report on a reconstruction.
+
+    Args:
+        reconstruction: The reconstruction.
+        frames: Frames of the clip.
+        said: Figures of the solver or reader.
+    """
+    counts = np.array([len(image.points) for image in reconstruction.images])
+    seen = set(reconstruction.frames.tolist())
+    missing = [frame for frame in frames if frame not in seen]
+    focal = [reconstruction.intrinsics(image).fx for image in reconstruction.images]
+    point, residual, rays = _observations(reconstruction)
+    angle = _angles(point, rays, len(reconstruction.points))
+    error, drift = None, None
+    if said.get("observed", True):
+        error, drift = _errors(point, residual, len(reconstruction.points))
+    spread = None
+    if error is not None and len(angle) and said.get("method") != STAYS:
+        # More observations of a track do not help: they share its error.
+        spread = error / float(np.median(focal)) / max(np.radians(float(np.median(angle))), 1e-9)
+    # A pan's lens is taken for depth: reprojection errors do not show it.
+    weak_depth = said.get("weak_depth")
+    if weak_depth is not None:
+        spread = max(spread or 0.0, float(weak_depth))
+    sigma = said.get("focal_sigma")
+    weak = [image.frame for image in reconstruction.images if len(image.points) < WEAK]
+    long_side = max(max(camera.width, camera.height) for camera in reconstruction.cameras)
+    wrong = error if error is not None and error > max(WRONG_ERROR, WRONG_SHARE * long_side) else None
+    explained = said.get("explained")
+    return Report(
+        len(frames), len(counts), missing, len(reconstruction.points),
+        [int(counts.min()), int(np.median(counts)), int(counts.max())],
+        int(np.median([len(image.visible) for image in reconstruction.images])), _histogram(counts),
+        _coverage(reconstruction), error, drift, [min(focal), max(focal)], sigma,
+        said.get("focal_from", "file"), LensReport.of(said),
+        [float(q) for q in np.percentile(angle, (25, 50, 75))] if len(angle) else None,
+        _distances(reconstruction), spread, explained, weak, list(said.get("notes", [])),
+        *_advice(
+            wrong, missing, list(frames), sigma, said.get("focal_from", "file"), spread, explained, weak,
+            bool(said.get("depth_estimated")),
+        ),
+    )  # fmt: skip
+
+
+def _advice(
+    wrong: float | None,
+    missing: list[int],
+    frames: list[int],
+    sigma: float | None,
+    source: str,
+    depth: float | None,
+    explained: float | None,
+    weak: list[int],
+    estimated: bool,
+) -> tuple[str, tuple[Remedy, ...]]:
+    """The one thing that would help most, and where to set it.
+
+    `wrong` is a reprojection error that cannot be; `estimated` whether the clip shows no depth.
+    """
+    if wrong is not None:
+        return (
+            f"renders will be wrong: these cameras miss the clip by {wrong:.0f} px (another take or lens?)",
+            (),
+        )
+    if explained is not None and explained < EXPLAINED:
+        return MOVING, ()
+    if estimated:
+        return (ESTIMATED, (Remedy.DEPTH_MAPS,))
+    without = set(missing)
+    places = [place for place, frame in enumerate(frames) if frame not in without]
+    if common_step(places) > 1:
+        return (
+            f"only {describe([frames[place] for place in places])} has a camera; import a camera for each, or"
+            " these frames alone",
+            (Remedy.STEP,),
+        )
+    if missing:
+        return (
+            f"frame {missing[0]} has no camera and uses its neighbours'; leave it out"
+            if len(missing) == 1
+            else f"frames {ranges(missing)} have no camera and use their neighbours'; leave them out",
+            (Remedy.FRAMES,),
+        )
+    if depth is not None and depth > UNTOLD_DEPTH:
+        return (
+            "the clip shows hardly any depth: keep the blur small, or film with more sideways movement",
+            (),
+        )
+    if depth is not None and depth > UNSURE_DEPTH:
+        return (
+            "depth is not exact: keep the blur small, or film with more sideways movement",
+            (),
+        )
+    if sigma is not None and sigma > UNSURE_FOCAL and source != "given":
+        return (
+            "distances are a guess (blur hardly depends on it); set the focal length",
+            (Remedy.FOCAL,),
+        )
+    if weak:
+        which = f"frame {weak[0]} has" if len(weak) == 1 else f"frames {ranges(weak)} have"
+        return f"{which} few points; focus may be less exact there", ()
+    return "", ()
+
+
+def _histogram(counts: Ints) -> list[list[int]]:
+    edges = np.unique(np.linspace(counts.min(), counts.max() + 1, BINS + 1).astype(int))
+    number, _ = np.histogram(counts, edges)
+    return [[int(a), int(b) - 1, int(n)] for a, b, n in zip(edges[:-1], edges[1:], number, strict=True)]
+
+
+def _coverage(reconstruction: Reconstruction) -> float:
+    shares = []
+    for image in reconstruction.images:
+        camera = reconstruction.intrinsics(image)
+        cell = np.floor(image.xy / [camera.width, camera.height] * GRID).astype(int)
+        inside = np.all((cell >= 0) & (cell < GRID), axis=1)
+        shares.append(len(np.unique(cell[inside], axis=0)) / (GRID[0] * GRID[1]))
+    return float(np.mean(shares))
+
+
+def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]:
+    """Point (m,), residual (m, 2) and ray (m, 3) of all observations, in the order of images.
+
+    Residuals are in pixels, NaN behind the camera; rays are unit vectors in the world.
+    """
+    points, residuals, rays = [], [], []
+    for image in reconstruction.images:
+        points.append(image.points)
+        local = image.to_camera(reconstruction.points.xyz[image.points])
+        miss = reconstruction.intrinsics(image).project(local) - image.xy
+        residuals.append(np.where(local[:, 2:] > 0, miss, np.nan))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rays.append(local / np.linalg.norm(local, axis=1, keepdims=True) @ image.rotation)
+    return np.concatenate(points), np.concatenate(residuals), np.concatenate(rays)
+
+
+def _distances(reconstruction: Reconstruction) -> list[float]:
+    """As `Report.distances`."""
+    depths = np.concatenate(
+        [image.to_camera(reconstruction.points.xyz[image.points])[:, 2] for image in reconstruction.images]
+    )
+    depths = depths[np.isfinite(depths) & (depths > 0)]
+    return [float(q) for q in np.percentile(depths, (2, 50, 98))] if len(depths) else [0.0, 0.0, 0.0]
+
+
+def _angles(point: Ints, rays: Floats, count: int) -> Floats:
+    """(k,) degrees between the outermost rays of the k points that two frames see."""
+    angle = outermost_angles(rays, point, count)
+    good = (np.bincount(point, minlength=count) >= 2) & np.isfinite(angle)
+    return np.asarray(angle[good])
+
+
+def _errors(point: Ints, residual: Floats, count: int) -> tuple[float | None, float | None]:
+    """Mean reprojection error of the points, and how far tracks drift from their beginning to their end."""
+    size = np.linalg.norm(residual, axis=1)
+    good = np.isfinite(size)
+    point, residual, size = point[good], residual[good], size[good]
+    views = np.bincount(point, minlength=count)
+    total = np.bincount(point, weights=size, minlength=count)
+    error = float((total[views > 0] / views[views > 0]).mean()) if (views > 0).any() else None
+    # Images are in the order of time, and a stable sort keeps it within each point.
+    order = np.argsort(point, kind="stable")
+    rank = np.arange(len(order)) - (np.cumsum(views) - views)[point[order]]
+    share = rank / np.maximum(views[point[order]] - 1, 1)
+    ends = []
+    for part in (share < 0.25, share > 0.75):
+        rows = order[part]
+        number = np.maximum(np.bincount(point[rows], minlength=count), 1)
+        ends.append(
+            np.stack([np.bincount(point[rows], residual[rows, k], minlength=count) for k in (0, 1)], 1)
+            / number[:, None]
+        )
+    lasting = views >= 8
+    if not lasting.any():
+        return error, None
+    return error, float(np.median(np.linalg.norm(ends[1] - ends[0], axis=1)[lasting]))

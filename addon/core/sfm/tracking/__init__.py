@@ -1,0 +1,1 @@
+"""Feature tracks of a clip, matched photos, and checks of their motion."""

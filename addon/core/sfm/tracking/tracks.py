@@ -1,0 +1,274 @@
+"""2D feature tracks through a clip.
+
+Corners followed by optical flow are as accurate as SIFT on video, several times cheaper, and keep their
+points where texture is weak; SIFT's descriptors find a feature again that was hidden for a while.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.arrays import Bytes, Floats, Ints
+from ...base.counting import counted
+from ...base.errors import Remedy, UserError
+from ...media.clip import Footage, to_gray8
+from ...media.picture_file import Pixels
+from .klt import TwoScales, new_corners
+from .sift import Matcher
+
+Progress = Callable[[str, int, int], None]
+Watch = Callable[[Pixels, Floats], None]
+"""Called with each frame (H, W, 3 or 4) as stored and places (n, 2) of its features, as fractions of its
+size."""
+
+# Chosen by inspection of tracks.
+LONG_SIDE = 960
+"""Pixels of the longer side; larger frames are shrunk for tracking."""
+SHORT_SIDE = 16
+"""Least pixels of the shorter side, once reduced: features need room."""
+MIN_CORRELATION = 0.35
+"""Correlation of a frame with the one before, shifted to fit, below which it shows something else."""
+THUMBNAIL = 64
+"""Width in pixels at which frames are compared."""
+MIN_OVERLAP = 0.4
+"""Share of the picture, at least, that two frames shifted to fit have in common."""
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Observations of features, sorted by frame. A track may miss frames."""
+
+    frames: tuple[int, ...]
+    """Frame numbers of the clip."""
+    width: int
+    height: int
+    frame_index: Ints
+    """(m,) index into `frames`."""
+    track: Ints
+    """(m,) track number, 0 to `count` - 1, ascending within a frame."""
+    xy: Floats
+    """(m, 2) pixels of the source frame, first pixel centre at (0.5, 0.5)."""
+    rgb: NDArray[np.uint8]
+    """(count, 3) sRGB colour where the track begins."""
+    correlations: Floats = field(default_factory=lambda: np.zeros(0))
+    """(F,) correlation of each frame with the one before, shifted to fit; empty where it is not known."""
+
+    @property
+    def count(self) -> int:
+        """Number of tracks."""
+        return len(self.rgb)
+
+    def in_frame(self, index: int) -> tuple[Ints, Floats]:
+        """Track numbers (n,), ascending, and positions (n, 2) of one frame."""
+        # In the array's own type: searched for another, all of it is converted first.
+        low, high = np.searchsorted(self.frame_index, np.array([index, index + 1], self.frame_index.dtype))
+        return self.track[low:high], self.xy[low:high]
+
+    def shared(self, i: int, j: int) -> tuple[Floats, Floats]:
+        """Return the places (n, 2) and (n, 2) of the tracks that two frames share."""
+        (before, a), (after, b) = self.in_frame(i), self.in_frame(j)
+        _, at_a, at_b = np.intersect1d(before, after, assume_unique=True, return_indices=True)
+        return a[at_a], b[at_b]
+
+
+class Tracker(Protocol):
+    """Sees the frames of a clip one after the other."""
+
+    def step(self, gray: Bytes) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """Track numbers (n,), ascending, those of new tracks following on the old ones', and places (n, 2).
+
+        Places are OpenCV's, the first pixel's middle at (0, 0).
+        """
+
+
+def track_features(footage: Footage, progress: Progress, watch: Watch = lambda *_: None) -> Tracks:
+    """Follow Harris corners by optical flow through all frames of the clip.
+
+    They are right in 28 of 28 solves with known truth, corners by the smaller eigenvalue in 27, SIFT
+    keypoints, followed or matched, in 24 (`make bench-solve`).
+
+    Args:
+        footage: The clip.
+        progress: Called with the stage, done and all frames.
+        watch: Called with each frame's picture and features.
+
+    Raises:
+        UserError: The clip has too few frames.
+    """
+    return run(TwoScales(new_corners), footage, progress, watch)
+
+
+def match_features(footage: Footage, progress: Progress) -> Tracks:
+    """Match SIFT keypoints between frames: it survives fast motion and finds features again after a gap.
+
+    Args:
+        footage: The clip.
+        progress: Called with the stage, done and all frames.
+
+    Raises:
+        UserError: The clip has too few frames.
+    """
+    return _followed(run(Matcher(), footage, progress))
+
+
+def check_shape(footage: Footage) -> None:
+    """Check the shape of a clip's pictures.
+
+    Raises:
+        UserError: They are too small or too long for features.
+    """
+    width, height = footage.width, footage.height
+    long_side, short_side = LONG_SIDE, SHORT_SIDE
+    if min(width, height) * min(1.0, long_side / max(width, height)) < short_side:
+        raise UserError(
+            f"{footage.path.name} is {width}x{height} pixels; features can only be followed in images of at"
+            f" least {short_side} pixels a side, less than {long_side // short_side} times as long as wide"
+        )
+
+
+def run(
+    tracker: Tracker,
+    footage: Footage,
+    progress: Progress = lambda *_: None,
+    watch: Watch = lambda *_: None,
+) -> Tracks:
+    """Run a tracker on a clip.
+
+    Frames are reduced to `LONG_SIDE`; places are the source's.
+
+    Args:
+        tracker: The tracker.
+        footage: The clip.
+        progress: Called with the stage, done and all frames.
+        watch: Called with each frame's picture and features.
+    """
+    if len(footage.frames) < 4:
+        raise UserError(
+            f"{footage.path.name} has {counted(len(footage.frames), 'frame')}; at least 4 frames from a"
+            " moving camera are needed; photos can be solved as stills",
+            Remedy.STILLS,
+        )
+    zoom = min(1.0, LONG_SIDE / max(footage.width, footage.height))
+    numbers: list[NDArray[np.int64]] = []
+    places: list[NDArray[np.float32]] = []
+    colours: list[NDArray[np.uint8]] = []
+    correlations = np.ones(len(footage.frames))
+    before: NDArray[np.float32] | None = None
+    born = 0
+    for done, frame in enumerate(footage.frames):
+        progress("Tracking features", done, len(footage.frames))
+        picture = footage.read(frame)
+        gray = _shrunk(to_gray8(picture), zoom)
+        number, place = tracker.step(gray)
+        watch(picture, (place + 0.5) / gray.shape[::-1])
+        new = np.searchsorted(number, born)
+        colours.append(_colours(picture, place[new:], zoom))
+        born += len(number) - int(new)
+        numbers.append(number.astype(np.int32))
+        places.append(place)
+        small = thumbnail(gray, THUMBNAIL)
+        correlations[done] = 1.0 if before is None else correlation(before, small, MIN_OVERLAP)
+        before = small
+    # The shrunk size is rounded, so that its two scales differ a little.
+    scale = np.array([footage.width / gray.shape[1], footage.height / gray.shape[0]])
+    xy = (np.concatenate(places).astype(np.float64) + 0.5) * scale
+    index = np.repeat(np.arange(len(numbers)), [len(n) for n in numbers]).astype(np.int32)
+    return Tracks(
+        footage.frames, footage.width, footage.height, index, np.concatenate(numbers), xy,
+        np.concatenate(colours), correlations,
+    )  # fmt: skip
+
+
+def cuts(tracks: Tracks) -> tuple[int, ...]:
+    """Indices of the frames that begin another shot.
+
+    There no track lives on from before, and the picture, shifted as a pan would shift it, is not like the one
+    before. After a flash the old tracks go on, so it is none. The first frame begins nothing.
+    """
+    frames = len(tracks.frames)
+    first, last = np.full(tracks.count, frames), np.full(tracks.count, -1)
+    np.minimum.at(first, tracks.track, tracks.frame_index)
+    np.maximum.at(last, tracks.track, tracks.frame_index)
+    born = np.bincount(first[last >= 0], minlength=frames)
+    died = np.bincount(last[last >= 0] + 1, minlength=frames + 1)[:frames]
+    # Tracks that began before each frame and end in it or after it.
+    across = np.concatenate([[0], np.cumsum(born)[:-1]]) - np.cumsum(died)
+    seen = np.bincount(tracks.frame_index, minlength=frames) > 0
+    unlike = tracks.correlations < MIN_CORRELATION if len(tracks.correlations) else np.ones(frames, bool)
+    cut = seen & unlike & (across == 0) & (np.cumsum(seen) > 1)
+    return tuple(np.nonzero(cut)[0].tolist())
+
+
+def are_bridged(footage: Footage, starts: Sequence[int]) -> bool:
+    """Return whether SIFT keypoints connect each frame, an index into the clip's, with the frame before."""
+    zoom = min(1.0, LONG_SIDE / max(footage.width, footage.height))
+    for start in starts:
+        matcher = Matcher()
+        before, after = (
+            matcher.step(_shrunk(to_gray8(footage.read(frame)), zoom))[0]
+            for frame in footage.frames[start - 1 : start + 1]
+        )
+        if not np.isin(after, before).any():
+            return False
+    return True
+
+
+def thumbnail(gray: Bytes, width: int = THUMBNAIL) -> NDArray[np.float32]:
+    """Return a frame (H, W) made `width` pixels wide, its slow changes of brightness taken out."""
+    size = (width, max(round(width * gray.shape[0] / gray.shape[1]), 1))
+    small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    return np.asarray(small - cv2.GaussianBlur(small, (0, 0), width / 16), np.float32)
+
+
+def correlation(a: NDArray[np.float32], b: NDArray[np.float32], overlap: float = MIN_OVERLAP) -> float:
+    """Return the best correlation of two pictures (h, w) over all shifts with a common share.
+
+    It is 0 for pictures without contrast. Lewis, "Fast normalized cross-correlation", 1995.
+    """
+    shape = (2 * a.shape[0], 2 * a.shape[1])
+    one, x, y, xx, yy = (np.fft.rfft2(p, shape) for p in (np.ones_like(a), a, b, a * a, b * b))
+
+    def summed(p: NDArray[np.complexfloating], q: NDArray[np.complexfloating]) -> Floats:
+        return np.asarray(np.fft.irfft2(p * np.conj(q), shape), np.float64)
+
+    count = np.maximum(summed(one, one), 1.0)
+    sum_x, sum_y = summed(x, one), summed(one, y)
+    spread = (summed(xx, one) - sum_x**2 / count) * (summed(one, yy) - sum_y**2 / count)
+    both = summed(x, y) - sum_x * sum_y / count
+    # A grey level's quantisation is no contrast.
+    usable = (count > overlap * a.size) & (spread > (0.01 * count) ** 2)
+    return float(np.max(both / np.sqrt(np.where(usable, spread, 1.0)), where=usable, initial=0.0))
+
+
+def _followed(tracks: Tracks) -> Tracks:
+    """Without the tracks that are seen only once."""
+    kept = np.bincount(tracks.track, minlength=tracks.count) > 1
+    rows, number = kept[tracks.track], np.cumsum(kept) - 1
+    return replace(
+        tracks, frame_index=tracks.frame_index[rows], xy=tracks.xy[rows], rgb=tracks.rgb[kept],
+        track=number[tracks.track[rows]].astype(np.int32),
+    )  # fmt: skip
+
+
+def _shrunk(gray: NDArray[np.uint8], zoom: float) -> NDArray[np.uint8]:
+    if zoom == 1.0:
+        return gray
+    size = (round(gray.shape[1] * zoom), round(gray.shape[0] * zoom))
+    return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _colours(picture: NDArray[np.generic], corners: NDArray[np.float32], zoom: float) -> NDArray[np.uint8]:
+    size = [picture.shape[1] - 1, picture.shape[0] - 1]
+    at = np.clip(((corners + 0.5) / zoom).astype(int), 0, size)
+    picked = picture[at[:, 1], at[:, 0]][:, :3]
+    if picked.dtype == np.float32:
+        picked = 255 * np.clip(picked.astype(np.float64), 0, 1) ** (1 / 2.2)
+    elif picked.dtype == np.uint16:
+        picked = picked.astype(np.int64) >> 8
+    return np.asarray(picked, dtype=np.uint8)

@@ -1,0 +1,1 @@
+"""CG objects, drawn by Cycles in a process of their own."""

@@ -1,0 +1,141 @@
+"""CG objects in the live preview: drawn by a process of their own, and kept while only the lens changes."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ...core.camera.canvas import Canvas
+from ...core.camera.reconstruction import Intrinsics
+from ...core.depth.source import PixelDepth
+from ...core.frame.cg_layers import NO_CG, CGObjects, DrawCG
+from ...scene.base.timeline import clip_frame
+from ...scene.cg_objects import cg_objects
+from .cg_process import CGProcess
+
+KEPT = 8
+"""Frames whose CG objects are remembered."""
+
+
+@dataclass(frozen=True)
+class CGWanted:
+    """The CG objects of a viewport."""
+
+    scene: str
+    layer: str
+    frame: int
+    """Frame of the scene's animation."""
+    objects: tuple[int, ...]
+    """Session IDs of the objects. A hidden one that is shown again joins them unchanged."""
+    version: int
+    """Counted up whenever the objects change."""
+
+
+class _Process:
+    """The process that draws for the preview, of the objects as they were at a version."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._process: CGProcess | None = None
+        self._of: tuple[object, ...] | None = None
+
+    def draw(self, wanted: CGWanted, pinhole: Intrinsics, depth: PixelDepth | None) -> CGObjects:
+        """Return the objects of `CGProcess.draw`, begun anew after a change."""
+        of = wanted.scene, wanted.objects, wanted.version
+        with self._lock:
+            if self._process is None or self._of != of:
+                self._end()
+                self._process = CGProcess(wanted.scene, is_preview=True)
+                self._of = of
+            try:
+                return self._process.draw(wanted.layer, wanted.frame, pinhole, depth)
+            except BaseException:
+                if not self._process.is_alive:
+                    self._end()
+                raise
+
+    def end(self) -> None:
+        with self._lock:
+            self._end()
+
+    def _end(self) -> None:
+        if self._process is not None:
+            self._process.end()
+            self._process = None
+
+
+_drawing = _Process()
+_version = 0
+_kept: OrderedDict[CGWanted, tuple[Intrinsics, CGObjects]] = OrderedDict()
+"""As they were drawn last, and for which canvas."""
+
+
+def wanted(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> CGWanted | None:
+    """Return the CG objects of a scene at its present frame; None where it has none."""
+    objects = tuple(thing.session_uid for thing in cg_objects(scene, layer))
+    return CGWanted(scene.name, layer.name, clip_frame(scene), objects, _version) if objects else None
+
+
+def draw_preview(asked: CGWanted | None, waits: bool) -> DrawCG | None:
+    """Return the function that draws the CG objects of a preview; None without objects.
+
+    Args:
+        asked: The objects.
+        waits: True to wait for Cycles; else the last drawing of this frame is returned, of any size.
+    """
+    if asked is None:
+        return None
+
+    def draw(_: int, canvas: Canvas, depth: PixelDepth | None) -> CGObjects:
+        pinhole = canvas.pinhole
+        kept = _kept.get(asked)
+        if kept is not None and (kept[0] == pinhole or not waits):
+            return kept[1].scaled(kept[0], pinhole)
+        if not waits:
+            return NO_CG
+        drawn = _drawing.draw(asked, pinhole, depth)
+        _kept[asked] = pinhole, drawn
+        _kept.move_to_end(asked)
+        while len(_kept) > KEPT:
+            _kept.popitem(last=False)
+        return drawn
+
+    return draw
+
+
+def _on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Something was changed: is it anything that CG objects are made of?"""
+    global _version
+    ours = scene.virtual_aperture
+    own = [each for each in (ours.camera, ours.points, ours.aperture) if each is not None]
+    own += [each.data for each in own]
+    changed = [update.id.original for update in depsgraph.updates]
+    if any(not isinstance(each, bpy.types.Scene) and each not in own for each in changed):
+        _version += 1
+
+
+def _on_load(*_: object) -> None:
+    _kept.clear()
+    _drawing.end()
+
+
+_updated, _forget = persistent(_on_update), persistent(_on_load)
+
+
+def register() -> None:
+    """Look for changes, where there is a window to preview in."""
+    if not bpy.app.background:
+        bpy.app.handlers.depsgraph_update_post.append(_updated)
+    bpy.app.handlers.load_pre.append(_forget)
+
+
+def unregister() -> None:
+    """Undo `register`, and end the process."""
+    if _updated in bpy.app.handlers.depsgraph_update_post:
+        bpy.app.handlers.depsgraph_update_post.remove(_updated)
+    bpy.app.handlers.load_pre.remove(_forget)
+    _on_load()

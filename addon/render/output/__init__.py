@@ -1,0 +1,1 @@
+"""Frames, movies and exports on disk."""

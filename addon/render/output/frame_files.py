@@ -1,0 +1,231 @@
+"""Rendered pictures and movies on disk: verified by reading, each still with the key of its inputs.
+
+The key is in the picture's metadata (Blender's stamp note), so a file never describes another one, several
+processes can write into one folder, and a moved or copied file keeps its key. A digest of the file's other
+bytes is there, too: programs that edit pictures keep such notes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import zlib
+from pathlib import Path
+
+import bpy
+import cv2
+import imbuf
+import numpy as np
+
+from ...core.base.errors import UserError
+from ...core.base.regular_file import open_regular, read_regular, regular_stat
+from ...core.media.video import video_info
+
+HEADER = 1 << 16
+"""Bytes of a file in which its metadata is looked for; Blender writes it before the pixels."""
+_PNG = b"\x89PNG\r\n\x1a\n"
+_EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
+"""Identifiers of the two elements that a Matroska file is made of."""
+_CRC = 4
+"""Bytes of the checksum behind a PNG's chunk."""
+_NOTE = re.compile(rb"virtual-aperture-frame ([0-9a-f]{64}) ([0-9a-f]{64})")
+_UNSEALED = "0" * 64
+
+
+def note_of(key: str) -> str:
+    """Return the stamp note that carries a key (64 hexadecimal digits), with room for `seal`'s digest."""
+    return f"virtual-aperture-frame {key} {_UNSEALED}"
+
+
+def seal(path: Path) -> None:
+    """Write the digest of a whole picture into its note. UserError where it has no note; raises OSError."""
+    data = path.read_bytes()
+    note = _NOTE.search(data, 0, HEADER)
+    if note is None:
+        raise UserError(f"{path.name} was written without its metadata; render it again")
+    sealed = _digest(data, note).encode()
+    if data.startswith(_PNG):
+        chunk = data.rindex(b"tEXt", 0, note.start())
+        sealed += zlib.crc32(data[chunk : note.start(2)] + sealed).to_bytes(_CRC)
+    with path.open("r+b") as file:
+        file.seek(note.start(2))
+        file.write(sealed)
+
+
+def key_of(path: Path) -> str | None:
+    """Return the key in a picture's metadata; None without one.
+
+    Raises:
+        UserError: It is not a file.
+    """
+    try:
+        with open_regular(path) as file:
+            found = _NOTE.search(file.read(HEADER))
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror}") from None
+    return found[1].decode() if found else None
+
+
+def is_changed(path: Path) -> bool:
+    """Return whether a picture with a key was changed since it was written; all of it is read.
+
+    Raises:
+        UserError: It cannot be read.
+    """
+    try:
+        data = read_regular(path)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror}") from None
+    note = _NOTE.search(data, 0, HEADER)
+    return note is not None and note[2].decode() != _digest(data, note)
+
+
+def _digest(data: bytes, note: re.Match[bytes]) -> str:
+    """64 hexadecimal digits of a picture without those digits, and without their own checksum in a PNG."""
+    behind = note.end() + (_CRC if data.startswith(_PNG) else 0)
+    digest = hashlib.blake2b(data[: note.start(2)], digest_size=32)
+    digest.update(memoryview(data)[behind:])
+    return digest.hexdigest()
+
+
+def still_problem(path: Path, size: tuple[int, int] | None = None) -> str:
+    """Return the reason why a picture is not usable, or "": it is decoded completely.
+
+    `size` is the expected (width, height).
+    """
+    try:
+        if regular_stat(path).st_size == 0:
+            return "is empty"
+        found = _exr_size(path) if path.suffix.lower() == ".exr" else _png_size(path)
+    except FileNotFoundError:
+        return "was not written"
+    except (OSError, ValueError, RuntimeError, cv2.error) as error:
+        return f"cannot be read back ({error})"
+    if found is None:
+        return "is cut off or damaged"
+    if size is not None and found != size:
+        return f"is {found[0]}x{found[1]} and should be {size[0]}x{size[1]}"
+    return ""
+
+
+def movie_problem(path: Path, count: int, size: tuple[int, int]) -> str:
+    """Return the reason why a movie (.mp4, .mov or .mkv) is incomplete, or "".
+
+    Its frames are decoded and counted. A full disk can cut off the last bytes, behind all frames.
+    """
+    if not path.exists():
+        return "was not written"
+    try:
+        movie = video_info(path)
+    except UserError as error:
+        return f"cannot be read back ({error})"
+    found = movie.count - len(movie.damaged)
+    if found != count:
+        return f"has {found} frames that can be decoded and should have {count}"
+    whole = _has_whole_segment if path.suffix.lower() == ".mkv" else _has_whole_boxes
+    if not whole(path):
+        return "is cut off"
+    held = movie.width, movie.height
+    return "" if held == size else f"is {held[0]}x{held[1]} and should be {size[0]}x{size[1]}"
+
+
+def _has_whole_boxes(path: Path) -> bool:
+    """Return whether an MP4 or QuickTime file ends with its last box (ISO/IEC 14496-12)."""
+    size, at = path.stat().st_size, 0
+    with open_regular(path) as file:
+        while at + 8 <= size:
+            file.seek(at)
+            head = file.read(16)
+            length = int.from_bytes(head[:4])
+            if length == 1:
+                length = int.from_bytes(head[8:])
+            if length < 8:
+                return False
+            at += length
+    return at == size
+
+
+def _has_whole_segment(path: Path) -> bool:
+    """Return whether a Matroska file ends with its segment (RFC 8794 and 9559)."""
+    with open_regular(path) as file:
+        data = file.read(HEADER)
+    at = 0
+    for element in (_EBML, _SEGMENT):
+        at += len(element)
+        if data[at - len(element) : at] != element or at >= len(data) or not data[at]:
+            return False
+        # The leading zeros of the first byte give the number of bytes of the length.
+        digits = 9 - data[at].bit_length()
+        length = int.from_bytes(data[at : at + digits]) & ((1 << 7 * digits) - 1)
+        at += digits
+        if element == _EBML:
+            at += length
+    return at + length == path.stat().st_size
+
+
+def refuse(path: Path, problem: str) -> None:
+    """Check a file that was just written.
+
+    Raises:
+        UserError: It has a problem.
+    """
+    if problem:
+        raise UserError(f"{path.name} {problem} and was discarded{likely_cause(problem)}")
+
+
+def likely_cause(problem: str) -> str:
+    """Return the end of a message about a file that was just written and is not right.
+
+    A picture of another size is whole: no disk is full then.
+    """
+    return "" if "should be" in problem else "; is the disk full? Free some space and render again"
+
+
+def _png_size(path: Path) -> tuple[int, int] | None:
+    data = read_regular(path)
+    if not _has_whole_chunks(data):
+        return None
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    return None if picture is None else (picture.shape[1], picture.shape[0])
+
+
+def _has_whole_chunks(data: bytes) -> bool:
+    """Whether a PNG is a row of chunks that agree with their own checksums (ISO/IEC 15948), to its very end.
+
+    The decoder takes many a picture whose checksums are wrong.
+    """
+    at, kind = len(_PNG), b""
+    if data[:at] != _PNG:
+        return False
+    while at + 12 <= len(data) and kind != b"IEND":
+        length = int.from_bytes(data[at : at + 4])
+        kind, end = data[at + 4 : at + 8], at + 8 + length
+        if zlib.crc32(data[at + 4 : end]) != int.from_bytes(data[end : end + 4]):
+            return False
+        at = end + 4
+    return kind == b"IEND" and at == len(data)
+
+
+def _exr_size(path: Path) -> tuple[int, int] | None:
+    image = imbuf.load(str(path))
+    if image is None:
+        return None
+    width, height = image.size
+    image.free()
+    return width, height
+
+
+def set_no_stamps(render: bpy.types.RenderSettings) -> None:
+    """Remove times and paths from the output: equal pictures must be equal files."""
+    for name in [name for name in dir(render) if name.startswith("use_stamp")]:
+        setattr(render, name, False)
+
+
+def blender_path(path: Path) -> str:
+    """Return a path as Blender's output setting takes it: braces are templates, two slashes the folder."""
+    text = str(path.absolute()).replace("{", "{{").replace("}", "}}")
+    return "/" + text.lstrip("/") if text.startswith("//") else text

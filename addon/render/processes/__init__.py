@@ -1,0 +1,1 @@
+"""Other processes that render shares of a scene."""

@@ -1,0 +1,257 @@
+"""Frames of an animation that other processes draw ahead of Blender's render.
+
+Blender renders an animation's frames one after the other in one process, in which a second processor hardly
+helps. Other processes therefore open a copy of the file and draw later frames, each in one thread. The
+engine takes finished frames, waits for a frame in progress, and draws the rest: the first frame, and all of
+them if the others fail.
+
+FOLDER/scene.blend               the file, as it was when the animation began
+FOLDER/at                        the number of the frame that Blender is at; only later ones are drawn ahead
+FOLDER/frame-000012.lock         held by the process that draws the frame
+FOLDER/frame-000012.npz          the drawn frame
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ...core.base import limits
+from ...core.base.arrays import LinearRGBA
+from ...core.base.atomic import temporary_folder
+from ...core.base.errors import UserError
+from ...core.base.file_lock import FileLock
+from ...core.base.job import Job, end_meanwhile
+from ...core.base.progress import checkpoint
+from ...scene.gpu import main_thread
+from ..views import render_handlers
+from . import jobs
+from .blend_file import write_blend
+from .launcher import start
+
+LOOK = 0.02
+"""Seconds between two looks for a frame that another process draws."""
+WAITING = 2
+"""Frames for each process that may wait to be taken: those of 4K take 130 MB of disk each."""
+
+
+@dataclass(frozen=True)
+class DrawnFrame:
+    """A frame as the engine draws it."""
+
+    pictures: dict[str, LinearRGBA]
+    """(H, W, 4) linear, premultiplied, of the pass Combined, and (H, W, 1) of others, by name; float32."""
+    notes: tuple[str, ...] = ()
+    """Notes for the user."""
+
+
+@dataclass(frozen=True)
+class SharedFrames:
+    """The folder by which processes share an animation's frames."""
+
+    folder: Path
+
+    @property
+    def blend(self) -> Path:
+        """The .blend that all of them draw from."""
+        return self.folder / "scene.blend"
+
+    @property
+    def at(self) -> int | None:
+        """The frame that Blender is at; None before its first."""
+        with contextlib.suppress(OSError, ValueError):
+            return int((self.folder / "at").read_text())
+        return None
+
+    def go_on_to(self, frame: int) -> None:
+        """Have no other process begin with frames up to this one."""
+        part = self.folder / "at.part"
+        part.write_text(str(frame))
+        part.replace(self.folder / "at")
+
+    @contextmanager
+    def claimed(self, frame: int) -> Iterator[bool]:
+        """Keep others from drawing a frame meanwhile; whether none is at it."""
+        try:
+            lock = FileLock(self._path(frame, "lock"), UserError, patience=0)
+        except UserError:
+            yield False
+            return
+        with lock:
+            yield True
+
+    def is_there(self, frame: int) -> bool:
+        """Return whether a frame is ready."""
+        return self._path(frame, "npz").exists()
+
+    def put(self, frame: int, drawn: DrawnFrame) -> None:
+        """Have a frame wait to be taken. Raises OSError."""
+        part = self._path(frame, "part")
+        with part.open("wb") as file:
+            np.savez(file, allow_pickle=False, notes=np.array(drawn.notes, str), **drawn.pictures)
+        part.replace(self._path(frame, "npz"))
+
+    def take(self, frame: int) -> DrawnFrame:
+        """Return a frame that waits, which is gone then. Raises OSError."""
+        path = self._path(frame, "npz")
+        with np.load(path, allow_pickle=False) as held:
+            pictures = {name: held[name] for name in held.files if name != "notes"}
+            notes = tuple(map(str, held["notes"]))
+        path.unlink()
+        return DrawnFrame(pictures, notes)
+
+    def _path(self, frame: int, end: str) -> Path:
+        return self.folder / f"frame-{frame:06d}.{end}"
+
+
+def draw_ahead(
+    folder: Path, frames: Sequence[int], reach: int, draw: Callable[[int], DrawnFrame]
+) -> Iterator[int]:
+    """Draw frames of an animation that no other process draws, and yield their numbers.
+
+    They are up to `reach` frames past Blender's; it ends when Blender is at the last one.
+
+    Raises:
+        OSError: The folder is not writable.
+    """
+    shared, last = SharedFrames(folder), frames[-1]
+    while (at := shared.at) is None or at < last:
+        for frame in [frame for frame in frames if at is not None and frame > at][:reach]:
+            with shared.claimed(frame) as is_mine:
+                # Blender may have gone on, or somebody else have drawn it, since it was looked at.
+                at = shared.at
+                if is_mine and at is not None and at < frame and not shared.is_there(frame):
+                    shared.put(frame, draw(frame))
+                    yield frame
+                    break
+        else:
+            time.sleep(LOOK)
+
+
+@dataclass
+class FramesAhead:
+    """The processes that draw an animation's frames ahead."""
+
+    shared: SharedFrames
+    held: ExitStack
+    """Resources of the folder."""
+    threads: int
+    """That the user lets work side by side."""
+    jobs: list[Job] = field(default_factory=list)
+    _last: tuple[int, DrawnFrame] | None = None
+
+    @classmethod
+    def begin(cls, scene: bpy.types.Scene, frames: Sequence[int], count: int) -> FramesAhead:
+        """Have `count` processes draw frames of a scene ahead; UserError where they cannot be started."""
+        held = ExitStack()
+        made = cls(SharedFrames(held.enter_context(temporary_folder())), held, limits.chosen_threads())
+        try:
+            # Files are written on the main thread, which the render waits for.
+            main_thread.call(lambda: write_blend(made.shared.blend))
+            blend = made.shared.blend
+            for _ in range(count):
+                made.jobs.append(Job())
+                start(
+                    made.jobs[-1], blend.with_suffix(".json"), ["frames"], scene.name, one_thread=True,
+                    blend=str(blend), into=str(made.shared.folder), reach=WAITING * count,
+                    frames=[frames[0], frames[-1] + 1, scene.frame_step],
+                )  # fmt: skip
+            limits.limit_threads(1)
+        except BaseException:
+            made.end()
+            raise
+        return made
+
+    def frame(self, frame: int) -> DrawnFrame | None:
+        """Return a frame that another process has drawn or is drawing; None where it is to be drawn here.
+
+        Passes checkpoints.
+        """
+        if self._last is not None and self._last[0] == frame:
+            # Each view layer of a scene asks for it.
+            return self._last[1]
+        self.shared.go_on_to(frame)
+        while True:
+            checkpoint()
+            with self.shared.claimed(frame) as is_nobodys:
+                if self.shared.is_there(frame):
+                    self._last = frame, self.shared.take(frame)
+                    return self._last[1]
+                if is_nobodys:
+                    return None
+            time.sleep(LOOK)
+
+    def end(self) -> None:
+        """End the processes, without waiting for it, and remove what they have drawn."""
+        limits.limit_threads(self.threads)
+        end_meanwhile(self.jobs, self.held.close)
+
+
+_ahead: FramesAhead | None = None
+_is_tried = False
+"""True if the present animation was prepared."""
+
+
+def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int) -> DrawnFrame | None:
+    """Return a frame of an animation, by the scene's number, that another process draws.
+
+    None where it is to be drawn here. With the animation's first frame processes begin, if its pictures have
+    enough `pixels` for that.
+    """
+    global _ahead, _is_tried
+    try:
+        if not _is_tried:
+            _is_tried = True
+            frames = range(frame, scene.frame_end + 1, scene.frame_step)
+            # This process mostly waits, as others draw the next frames.
+            count = _fitting(scene, pixels)
+            if count > 1 and len(frames) >= jobs.LEAST_SHARE:
+                _ahead = FramesAhead.begin(scene, frames, count)
+        return None if _ahead is None else _ahead.frame(frame)
+    except (OSError, UserError):
+        # Such as a full disk: the frames can be drawn here as well.
+        end_all()
+        return None
+
+
+def _fitting(scene: bpy.types.Scene, pixels: int) -> int:
+    """Processes that work well side by side, and that the scene's render settings allow."""
+    fitting = jobs.fitting(pixels)
+    return min(fitting, scene.render.threads) if scene.render.threads_mode == "FIXED" else fitting
+
+
+def end_all() -> None:
+    """End what draws ahead."""
+    global _ahead
+    if _ahead is not None:
+        _ahead.end()
+    _ahead = None
+
+
+def _end(*_: object) -> None:
+    """An animation begins, ends or is cancelled, or another file is opened."""
+    global _is_tried
+    end_all()
+    _is_tried = False
+
+
+_on_change = persistent(_end)
+
+
+def register() -> None:
+    """Begin anew with each render."""
+    render_handlers.add(_on_change)
+
+
+def unregister() -> None:
+    """Undo `register`, and end what is under way."""
+    render_handlers.remove(_on_change)
+    _end()

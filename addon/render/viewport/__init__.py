@@ -1,0 +1,1 @@
+"""The live preview, and drawing over viewports."""

@@ -1,0 +1,1 @@
+"""Common code of the scene: timeline, paths, preferences, versions, redrawing."""

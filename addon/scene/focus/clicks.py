@@ -1,0 +1,45 @@
+"""Clicks on the camera's picture, as the scene has its clip and subjects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from functools import partial
+
+import bpy
+
+from ...core.base.arrays import Mask
+from ...core.focus.place import Place, PlaceFinder
+from ...core.frame.clicked import clicked
+from ...core.frame.clip_context import ClipContext
+from ...core.subjects.strokes import MarkedSubject
+from ..sources.shot import Shot, shot_of
+from ..sources.subjects import free_name
+
+
+def place_at(
+    scene: bpy.types.Scene,
+    finder: PlaceFinder,
+    x: float,
+    y: float,
+    taken: Collection[str] = (),
+    seen: Callable[[Mask], object] = lambda mask: None,
+) -> Callable[[], Place]:
+    """Return a function that finds what a click puts in focus, as `clicked`; a thread may call it.
+
+    Args:
+        scene: The scene.
+        finder: The one of its clip and the frame.
+        x: Share of the picture's width from the left.
+        y: Share of its height from the top.
+        taken: Names of subjects that are not in the scene yet.
+        seen: As of `clicked`.
+
+    Raises:
+        UserError: As of `shot_of`.
+    """
+    shot, name = shot_of(scene), free_name(scene.virtual_aperture, taken)
+    return partial(clicked, shot.context, finder, x, y, name, partial(_marking, shot), seen)
+
+
+def _marking(shot: Shot, new: MarkedSubject) -> ClipContext:
+    return shot.with_subjects((*shot.subjects, new)).context

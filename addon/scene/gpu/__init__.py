@@ -1,0 +1,1 @@
+"""Work on Blender's main thread, and the plane sweep on a GPU."""

@@ -1,0 +1,1 @@
+"""The lens of a scene: its settings, depth of field, aperture shape, and Blender's own focus."""

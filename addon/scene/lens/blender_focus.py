@@ -1,0 +1,93 @@
+"""Blender's own depth of field of the solved clip's camera, `Camera.dof`.
+
+An object in focus there is in focus here, too. The focus distance follows ours by a driver, so that Cycles
+renders and the viewport show it; it has no influence.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ...core.base.errors import UserError
+from ..base.timeline import clip_frame
+
+PATH = "dof.focus_distance"
+"""Path of the property in a camera's data."""
+
+
+def distance(settings: bpy.types.PropertyGroup) -> float | None:
+    """Return the depth in scene units of the camera's focus object at the present frame.
+
+    It is along the optical axis, negative behind the camera; None without an object. Evaluated settings give
+    the evaluated depth.
+    """
+    camera, thing = _camera(settings), focus_object(settings)
+    if camera is None or thing is None:
+        return None
+    # The root may be scaled: within it lengths are the reconstruction's.
+    return -float((camera.matrix_world.inverted_safe() @ thing.matrix_world.translation).z)
+
+
+def follow(settings: bpy.types.PropertyGroup) -> None:
+    """Have the camera's own focus distance follow that of the settings, unless the user animates it."""
+    camera = _camera(settings)
+    if camera is None or is_animated(settings):
+        return
+    driver = camera.data.driver_add(PATH).driver
+    distance, scale = driver.variables.new(), driver.variables.new()
+    distance.name, scale.name, scale.type = "distance", "scale", "TRANSFORMS"
+    followed = distance.targets[0]
+    followed.id_type, followed.id = "SCENE", settings.id_data
+    followed.data_path = settings.path_from_id("focus_distance")
+    # The root may be scaled: Blender's lengths are the scene's.
+    scale.targets[0].id, scale.targets[0].transform_type = settings.root, "SCALE_AVG"
+    driver.expression = "distance * scale"
+
+
+def is_animated(settings: bpy.types.PropertyGroup) -> bool:
+    """Return whether the camera's own focus distance has keys or a driver, ours or another."""
+    from bpy_extras.anim_utils import action_get_channelbag_for_slot
+
+    camera = _camera(settings)
+    animation = None if camera is None else camera.data.animation_data
+    if animation is None:
+        return False
+    bag = (
+        action_get_channelbag_for_slot(animation.action, animation.action_slot) if animation.action else None
+    )
+    curves = [*animation.drivers, *(bag.fcurves if bag is not None else [])]
+    return any(curve.data_path == PATH for curve in curves)
+
+
+def focus_object(settings: bpy.types.PropertyGroup) -> bpy.types.Object | None:
+    """Return the object that is in focus, if one is."""
+    camera = _camera(settings)
+    return None if camera is None else camera.data.dof.focus_object
+
+
+def check(settings: bpy.types.PropertyGroup) -> None:
+    """Check that the camera's focus object lies ahead.
+
+    Raises:
+        UserError: It does not.
+    """
+    thing, away = focus_object(settings), distance(settings)
+    if thing is not None and away is not None and not away > 0:
+        raise UserError(
+            f"the focus object {thing.name} is not in front of the camera at frame"
+            f" {clip_frame(settings.id_data)}; move it, or clear Object under Focus and Lens"
+        )
+
+
+def release(settings: bpy.types.PropertyGroup) -> str:
+    """Take the object out of focus, so that what is set next is; its name, or an empty string."""
+    thing = focus_object(settings)
+    if thing is None:
+        return ""
+    settings.camera.data.dof.focus_object = None
+    return str(thing.name)
+
+
+def _camera(settings: bpy.types.PropertyGroup) -> bpy.types.Object | None:
+    camera = settings.camera
+    return camera if camera is not None and camera.type == "CAMERA" else None

@@ -1,0 +1,1 @@
+"""The reconstruction in the .blend: cameras, point cloud, and its exact numbers."""

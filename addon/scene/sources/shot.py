@@ -1,0 +1,300 @@
+"""The shot that a scene holds: its reconstruction and its footage, read once and kept while it lasts."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...core.base.arrays import Floats, Map
+from ...core.base.code import code_digest
+from ...core.base.errors import UserError
+from ...core.base.lru_cache import LRUCache
+from ...core.camera.reconstruction import Reconstruction
+from ...core.depth.depth_store import DepthStore
+from ...core.depth.user_depth import UserDepth
+from ...core.depth.user_maps import open_depth
+from ...core.frame.clip_context import ClipContext
+from ...core.frame.quality import Quality
+from ...core.media.clip import Footage, finite, open_footage
+from ...core.media.clip_identity import clip_digest, identity
+from ...core.media.colour_space import ColourSpace
+from ...core.media.masks import Masks, open_masks
+from ...core.media.picture_file import Pixels
+from ...core.sfm.state import STATE
+from ...core.subjects.clip_subjects import ClipSubjects
+from ...core.subjects.networks import Networks
+from ...core.subjects.strokes import MarkedSubject
+from ..base import version
+from ..base.paths import absolute
+from ..base.timeline import check_frames, clip_frame
+from ..gpu import gpu_matcher
+from ..solve import store
+from . import subjects
+from .clip import solved_clip_path, solved_part, work_dir
+from .colour_space import REC_709, from_rec_709, space_of, working_space
+from .digests import drawn_digest, reconstruction_digest
+from .masks import DrawnMask, drawn_mask
+
+KEPT_DEPTH = "depth"
+"""Folder of a working folder where depth is kept."""
+IDENTITY = "virtual_aperture_identity"
+REMEMBERED = 256 << 20
+"""Bytes of pictures as they were read."""
+
+
+@dataclass(frozen=True)
+class Filmed:
+    """A clip's pictures, and the user's masks of moving pixels."""
+
+    footage: Footage
+    masks: Masks | None = None
+    drawn: DrawnMask | None = None
+    space: ColourSpace | None = None
+    """Colour space of the pictures if it is not sRGB."""
+    repaired: dict[int, int] = field(default_factory=dict, compare=False)
+    """Number of pixels that were not finite, by frame read so far."""
+    _pictures: LRUCache[Pixels] = field(
+        default_factory=lambda: LRUCache[Pixels](REMEMBERED, lambda picture: picture.nbytes),
+        repr=False, compare=False,
+    )  # fmt: skip
+
+    def read(self, frame: int) -> Pixels:
+        """Return a frame's picture, remembered: depth, subjects and hidden colours need the same ones."""
+        return self._pictures.get(frame, lambda: self._finite(frame))
+
+    def _finite(self, frame: int) -> Pixels:
+        picture, count = finite(self.footage.read(frame))
+        if count:
+            self.repaired[frame] = count
+        return picture if self.space is None else self.space.to_light(picture)
+
+    def masked(self, frame: int) -> Map | None:
+        """Return the opacity (H, W) of moving pixels by the user's masks over a frame; None without one."""
+        given = [source.at(frame) for source in (self.masks, self.drawn) if source is not None]
+        known = [mask for mask in given if mask is not None]
+        return np.maximum.reduce(known) if known else None
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A clip and its solve."""
+
+    footage: Footage
+    reconstruction: Reconstruction
+    depth: UserDepth | None = None
+    """The user's depth maps."""
+    masks: Masks | None = None
+    """The user's pictures of moving pixels."""
+    drawn: DrawnMask | None = None
+    """The mask that is drawn in Blender; either is enough."""
+    subjects: tuple[MarkedSubject, ...] = ()
+    """Subjects that the user has marked by strokes."""
+    space: ColourSpace | None = None
+    """The clip's colour space, where it is not sRGB."""
+    working: str = REC_709
+    """The space of linear light that Blender works in."""
+    from_rec_709: Floats | None = field(default=None, repr=False, compare=False)
+    """As of `ClipContext`."""
+    work: Path | None = None
+    """The folder that keeps the solve, if there is one: depth is kept there, too."""
+
+    filmed: Filmed | None = field(default=None, repr=False, compare=False)
+    found: ClipSubjects | None = field(default=None, repr=False, compare=False)
+    """Subjects found by another shot of the same clip and masks: strokes do not change them."""
+
+    @cached_property
+    def context(self) -> ClipContext:
+        """The clip as the core's stages see it."""
+        return ClipContext(
+            self.reconstruction, self.read, None, self._masks, self._store if self.work else None,
+            self.subjects, self._found, self._kept(self._highlight_key), gpu_matcher.winning_levels,
+            self.depth, self.from_rec_709,
+        )  # fmt: skip
+
+    def with_subjects(self, marked: tuple[MarkedSubject, ...]) -> Shot:
+        """Return the shot with others marked."""
+        return replace(self, subjects=marked, filmed=self._filmed, found=self._found)
+
+    def apart(self) -> Shot:
+        """Return the shot with a separate clip, for another thread; only files are shared."""
+        footage = open_footage(
+            self.footage.path, self.footage.frames, info=self.footage.video, stills=self.footage.is_stills
+        )
+        return replace(self, footage=footage, filmed=None, found=None)
+
+    @cached_property
+    def _filmed(self) -> Filmed:
+        return self.filmed or Filmed(self.footage, self.masks, self.drawn, self.space)
+
+    @cached_property
+    def _found(self) -> ClipSubjects:
+        return self.found or ClipSubjects(self.reconstruction, self.read, self._kept(self._subject_key))
+
+    @property
+    def _masks(self) -> Callable[[int], Map | None] | None:
+        return self._filmed.masked if self.masks or self.drawn else None
+
+    def size(self, frame: int) -> tuple[int, int]:
+        """Return (width, height) in pixels of a frame's picture; UserError for a photo without a camera."""
+        if not self.footage.is_stills:
+            return self.footage.width, self.footage.height
+        camera = self.context.canvas(frame).camera
+        return camera.width, camera.height
+
+    def frame_at(self, frame: int) -> int:
+        """Return the clip's frame for a scene frame: in a gap, and past the ends, the nearest one before."""
+        frames = np.array(self.footage.frames)
+        return int(frames[max(0, int(np.searchsorted(frames, frame, side="right")) - 1)])
+
+    def _store(self, quality: Quality) -> DepthStore:
+        store = self._kept(partial(self._depth_key, quality))
+        assert store is not None
+        return store
+
+    def _kept(self, key: Callable[[], str]) -> DepthStore | None:
+        """The storage under a key; None without a working folder."""
+        return DepthStore(self.work / KEPT_DEPTH, key) if self.work else None
+
+    def _depth_key(self, quality: Quality) -> str:
+        """16 hexadecimal digits of all inputs of the clip's depth in a quality, as its files are now."""
+        marked = tuple(each.key for each in self.subjects)
+        return self._key(marked, quality.stereo, quality.fusion, Networks().exist)
+
+    def _subject_key(self) -> str:
+        """The same for subjects, independent of strokes."""
+        return self._key(Networks().exist)
+
+    def _highlight_key(self) -> str:
+        """The same of highlights, whatever moves."""
+        return _digest("highlights", code_digest("core"), self._clip_digests)
+
+    def _key(self, *options: object) -> str:
+        masks = self.masks and clip_digest(self.masks.pictures.path), self.drawn and drawn_digest(self.drawn)
+        return _digest(code_digest("core"), self._clip_digests, masks, options)
+
+    @property
+    def _clip_digests(self) -> tuple[str, ...]:
+        # As the solve knows its clip: known already, where all bytes of a sequence would have to be read.
+        # Pictures of sRGB are compared as they are stored.
+        space = () if self.space is None else (self.space.name,)
+        if self.space is not None and self.working != REC_709:
+            space = *space, self.working
+        return identity(self.footage.path), self._reconstruction_digest, *space
+
+    @cached_property
+    def _reconstruction_digest(self) -> str:
+        return reconstruction_digest(self.reconstruction)
+
+    @property
+    def read(self) -> Callable[[int], Pixels]:
+        """As `Filmed.read`."""
+        return self._filmed.read
+
+    @property
+    def repaired(self) -> dict[int, int]:
+        """As `Filmed.repaired`."""
+        return self._filmed.repaired
+
+    @property
+    def masked(self) -> Callable[[int], Map | None]:
+        """As `Filmed.masked`."""
+        return self._filmed.masked
+
+
+def _digest(*things: object) -> str:
+    return hashlib.sha256(repr(things).encode()).hexdigest()[:16]
+
+
+_last: tuple[tuple[str, ...], Shot] | None = None
+"""One shot is kept, because every frame of an animation asks for the same one."""
+_read: tuple[str, Reconstruction] | None = None
+"""The last reconstruction that was read alone, and its identity: every edit of the lens asks for it."""
+
+
+def shot_of(scene: bpy.types.Scene) -> Shot:
+    """Return the scene's shot; UserError naming what is missing."""
+    global _last
+    settings = scene.virtual_aperture
+    mesh = points_mesh(settings)
+    path = solved_clip_path(settings)
+    depth_path, masks_path = (
+        str(absolute(p, scene)) if p else "" for p in (settings.depth_maps, settings.masks)
+    )
+    drawn = settings.mask
+    marked = subjects.marked_of(settings)
+    key = (
+        str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "",
+        settings.colour_space, working_space(),
+    )  # fmt: skip
+    if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, clip_frame(scene)):
+        reconstruction = store.read(mesh)
+        footage = open_footage(path, stills=not reconstruction.is_ordered)
+        check_frames(footage)
+        solved = solved_part(settings, footage) if depth_path or masks_path else footage
+        depth = UserDepth.of(open_depth(Path(depth_path), solved), reconstruction) if depth_path else None
+        masks = open_masks(Path(masks_path), solved) if masks_path else None
+        size = (footage.width, footage.height)
+        shapes = drawn_mask(drawn, footage.frames, size) if drawn else None
+        work = work_dir(settings, path)
+        kept = work if (work / STATE).exists() else None
+        space = space_of(settings, footage)
+        light = space, working_space(), from_rec_709()
+        _last = (key, Shot(footage, reconstruction, depth, masks, shapes, marked, *light, kept))
+    elif _last[1].subjects != marked:
+        _last = (key, _last[1].with_subjects(marked))
+    return _last[1]
+
+
+def _was_redrawn(shot: Shot, mask: bpy.types.Mask | None, frame: int) -> bool:
+    return shot.drawn is not None and mask is not None and not shot.drawn.is_still(mask, frame)
+
+
+def reconstruction_of(settings: bpy.types.PropertyGroup) -> Reconstruction:
+    """Return the reconstruction alone, for which the footage need not be there."""
+    global _read
+    mesh = points_mesh(settings)
+    if _last is not None and _last[0][0] == str(mesh.get(IDENTITY)):
+        return _last[1].reconstruction
+    identity = mesh.get(IDENTITY)
+    if identity is None:
+        return store.read(mesh)
+    if _read is None or _read[0] != identity:
+        _read = identity, store.read(mesh)
+    return _read[1]
+
+
+def picture_size(scene: bpy.types.Scene) -> tuple[int, int]:
+    """Return (width, height) in pixels of the clip's picture in the scene's frame.
+
+    The footage need not exist.
+
+    Raises:
+        UserError: The scene has no solve, or the photo no camera.
+    """
+    solved = reconstruction_of(scene.virtual_aperture)
+    if solved.is_ordered:
+        camera = solved.cameras[solved.images[0].camera]
+    else:
+        camera = solved.intrinsics(solved.image_at(clip_frame(scene))[0])
+    return camera.width, camera.height
+
+
+def points_mesh(settings: bpy.types.PropertyGroup) -> bpy.types.Mesh:
+    """Return the mesh of the point cloud; UserError where the scene has none, or a newer version made it."""
+    version.check(settings)
+    if settings.points is None or settings.points.type != "MESH":
+        raise UserError("the scene has no solved clip; choose a clip and solve it first")
+    # The evaluated mesh has lost these attributes in the modifier that hides the points.
+    return settings.points.original.data
+
+
+def forget() -> None:
+    """Drop the kept shot and its open video file."""
+    global _last, _read
+    _last = _read = None

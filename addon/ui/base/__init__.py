@@ -1,0 +1,1 @@
+"""Common code of operators and panels."""

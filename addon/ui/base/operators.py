@@ -1,0 +1,114 @@
+"""Common code of the operators: polls, with the reason shown on a disabled button, and reports of errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...core.base.errors import UserError
+from ...scene import parts
+from ...scene.base import version
+from ...scene.base.remedy_words import WORDS
+from ...scene.lens.lens import is_in_focus
+from .solving import running_solve
+
+Result = set[str]
+
+NO_CAMERA = "The camera was deleted; Restore Objects, at the top, brings it back"
+LOOK = 0.1
+"""Seconds between two looks at another process."""
+
+
+def may_change(cls: Any, context: bpy.types.Context) -> bool:
+    """Poll whether changes of the scene will be saved."""
+    try:
+        check_may_change(context.scene)
+    except UserError as error:
+        cls.poll_message_set(sentence(str(error)))
+        return False
+    return True
+
+
+def check_may_change(scene: bpy.types.Scene) -> None:
+    """Check that changes of the scene will be saved.
+
+    Raises:
+        UserError: The scene is linked, or a newer version made it.
+    """
+    if scene.library is not None:
+        file = Path(scene.library.filepath).name
+        raise UserError(f"{scene.name} is linked from {file}; open that file, or append the scene from it")
+    version.check(scene.virtual_aperture)
+
+
+def sentence(text: str) -> str:
+    """Return a message as a button's or a panel's text begins."""
+    return text[0].upper() + text[1:]
+
+
+def is_met(cls: Any, condition: object, message: str) -> bool:
+    """Poll a condition; `message` is the button's reason otherwise."""
+    if not condition:
+        cls.poll_message_set(message)
+    return bool(condition)
+
+
+def is_idle(cls: Any) -> bool:
+    """Poll: no clip is being solved."""
+    return is_met(cls, running_solve() is None, "A clip is being solved; ESC cancels it")
+
+
+def has_clip(cls: Any, context: bpy.types.Context) -> bool:
+    """Poll: a clip is chosen."""
+    return is_met(cls, context.scene.virtual_aperture.footage, "Choose a clip first")
+
+
+def has_solve(cls: Any, context: bpy.types.Context) -> bool:
+    """Poll: the scene holds a solved clip."""
+    return is_met(cls, context.scene.virtual_aperture.points is not None, "Solve the clip first")
+
+
+def has_focus(cls: Any, context: bpy.types.Context) -> bool:
+    """Poll: the scene holds a solved clip and something is in focus."""
+    settings = context.scene.virtual_aperture
+    message = "Pick what should be sharp first, with Pick Focus"
+    return has_solve(cls, context) and is_met(cls, is_in_focus(settings), message)
+
+
+def has_points(cls: Any, context: bpy.types.Context, to_do: str) -> bool:
+    """Poll for a selection in the point cloud; `to_do` names it."""
+    if not may_change(cls, context) or not has_solve(cls, context):
+        return False
+    points = context.scene.virtual_aperture.points
+    if points.mode == "EDIT":
+        return True
+    if not parts.is_in(context.scene, points):
+        cls.poll_message_set("The point cloud was deleted; Restore Objects, at the top, brings it back")
+    elif points.name not in context.view_layer.objects:
+        cls.poll_message_set("The point cloud's collection is excluded from the view layer")
+    else:
+        cls.poll_message_set(f"Select the point cloud, press Tab for Edit Mode and select {to_do}")
+    return False
+
+
+def refused(error: RuntimeError) -> UserError:
+    """Return the error of an operator called from Python."""
+    return UserError(str(error).removeprefix("Error: ").strip())
+
+
+def reported(
+    execute: Callable[[Any, bpy.types.Context], Result],
+) -> Callable[[Any, bpy.types.Context], Result]:
+    """Turn a UserError into the operator's error report, which scripts see as RuntimeError."""
+
+    def wrapped(self: Any, context: bpy.types.Context) -> Result:
+        try:
+            return execute(self, context)
+        except UserError as error:
+            self.report({"ERROR"}, error.worded(WORDS))
+            return {"CANCELLED"}
+
+    return wrapped

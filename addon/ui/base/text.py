@@ -1,0 +1,66 @@
+"""Longer texts in panels."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...render.viewport.message import lines
+
+MARGIN = 85
+"""Pixels of a panel's width that its text does not get, at a resolution scale of 1."""
+
+
+def wrapped(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    text: str,
+    icon: str = "NONE",
+    alert: bool = False,
+    beside: float = 0.0,
+) -> None:
+    """Draw a text as labels as wide as the panel, the icon before the first.
+
+    `beside` is the width of something at its side, in pixels at a resolution scale of 1.
+    """
+    column = layout.column(align=True)
+    column.alert = alert
+    column.scale_y = 0.8
+    scale = context.preferences.system.ui_scale
+    for number, line in enumerate(lines(text, max(width_of(context) - beside * scale, 1.0), scale)):
+        # An icon's width of nothing keeps the lines in one column.
+        column.label(text=line, icon=icon if number == 0 or icon == "NONE" else "BLANK1")
+
+
+def width_of(context: bpy.types.Context) -> float:
+    """Return the width of a panel's text in pixels; that of a default sidebar without a region."""
+    scale = context.preferences.system.ui_scale
+    width = context.region.width if context.region is not None else 280 * scale
+    return float(max(width - MARGIN * scale, 1))
+
+
+def left_words(seconds: float | None) -> str:
+    """Return the remaining time of work in words; empty while it is unknown."""
+    if seconds is None:
+        return ""
+    if seconds < 90:
+        return f"About {seconds:.0f} s left"
+    hours, minutes = divmod(round(seconds / 60), 60)
+    return f"About {hours} h {minutes:02d} min left" if hours else f"About {minutes} min left"
+
+
+def progress_row(
+    layout: bpy.types.UILayout,
+    words: str,
+    share: float,
+    left: float | None,
+    stop: str = "",
+    icon: str = "X",
+    hint: str = "",
+) -> None:
+    """Draw the progress of a job, the operator that stops it, and the seconds left with a hint."""
+    row = layout.row(align=True)
+    row.progress(factor=share, text=words)
+    if stop:
+        row.operator(stop, text="", icon=icon)
+    if line := ", ".join(filter(None, (left_words(left), hint))):
+        layout.label(text=line, icon="TIME")

@@ -1,0 +1,239 @@
+"""The list of focus marks, and the operators of a focus pull."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ...core.base.counting import counted
+from ...core.base.errors import UserError
+from ...core.focus.focus import Focus
+from ...core.focus.place import Place
+from ...scene.base.timeline import clip_frame, go_to
+from ...scene.focus import focus_curve, focus_marks
+from ...scene.lens import aperture_cloud, blender_focus, lens
+from ...scene.lens.depth_of_field import length_words
+from ..base.operators import Result, has_focus, has_solve, is_met, may_change, reported
+from ..jobs.report_list import next_of
+from ..picking.pick_vertices import focus_on
+from . import thumbnails
+
+FRAME, NAME = 0.16, 0.7
+"""Shares of a row for the frame's button, and of the rest for thumbnail and name: at Blender's default width
+of the sidebar, frame, name and distance are complete. Chosen by inspection."""
+
+
+def has_marks(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Poll: there is a focus mark, and the keys are the marks'."""
+    marks = context.scene.virtual_aperture.marks.items
+    return has_solve(cls, context) and is_met(
+        cls, len(marks), "There are no focus marks; Pick Focus adds one"
+    )
+
+
+class ChangesMarks:
+    """An operator that changes the focus marks, of which there is one at least."""
+
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return may_change(cls, context) and has_marks(cls, context)
+
+    @reported
+    def execute(self: Any, context: bpy.types.Context) -> Result:
+        said = self.change(context.scene.virtual_aperture, clip_frame(context.scene))
+        aperture_cloud.update(context.scene.virtual_aperture)
+        self.report({"INFO"}, said)
+        return {"FINISHED"}
+
+    def change(self, settings: bpy.types.PropertyGroup, frame: int) -> str:
+        """Change the marks; returns a line about it, or raises UserError."""
+        raise NotImplementedError
+
+
+class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
+    """Frame, what was picked, and how far it is there."""
+
+    def draw_item(
+        self, context: bpy.types.Context, layout: bpy.types.UILayout, _data: object,
+        mark: bpy.types.PropertyGroup, _icon: int, _active_data: object, _active: str, index: int = 0,
+    ) -> None:  # fmt: skip
+        here = clip_frame(context.scene) == mark.frame
+        row = layout.split(factor=FRAME, align=True)
+        jump = row.operator(
+            VIRTUAL_APERTURE_OT_jump_to_focus_mark.bl_idname, text=str(mark.frame), depress=here
+        )
+        jump.frame = mark.frame
+        row = row.split(factor=NAME, align=True)
+        # A list's rows are of one height, and an icon is as large as fits; the strip has larger ones.
+        thumbnail = thumbnails.icon(context.scene.virtual_aperture, mark)
+        row.prop(mark, "name", text="", emboss=False, icon_value=thumbnail)
+        away = row.row()
+        away.alignment = "RIGHT"
+        away.label(text=length_words(context.scene.virtual_aperture, mark.distance))
+
+
+class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
+    """Add a focus mark at the current frame that holds the present focus, so that the pull to the next mark
+    starts here"""
+
+    bl_idname = "virtual_aperture.hold_focus"
+    bl_label = "Hold Focus Here"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        settings, frame = context.scene.virtual_aperture, clip_frame(context.scene)
+        is_free, message = focus_marks.at_frame(settings, frame) is None, f"Frame {frame} already has a mark"
+        return may_change(cls, context) and has_focus(cls, context) and is_met(cls, is_free, message)
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings, frame = context.scene.virtual_aperture, clip_frame(context.scene)
+        if blender_focus.distance(settings) is not None:
+            raise UserError("focus is on an object; pick the focus instead")
+        self.report({"INFO"}, focus_on(settings, frame, held(settings, frame), add=True))
+        return {"FINISHED"}
+
+
+def held(settings: bpy.types.PropertyGroup, frame: int) -> list[Place]:
+    """Return the focus at a frame: the places of the mark that is held there, else the distance."""
+    marks = sorted(focus_marks.marks_of(settings), key=lambda mark: mark.frame)
+    if marks and (len(marks) == 1 or frame > marks[-1].frame):
+        return list(marks[-1].places)
+    if marks and frame < marks[0].frame:
+        return list(marks[0].places)
+    distance = settings.focus_distance
+    return [Place(Focus(distance=distance), frame, distance, "a distance")]
+
+
+class VIRTUAL_APERTURE_OT_remove_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
+    """Remove the active focus mark. After the last one, focus stays at its distance"""
+
+    bl_idname = "virtual_aperture.remove_focus_mark"
+    bl_label = "Remove Focus Mark"
+
+    def change(self, settings: bpy.types.PropertyGroup, _frame: int) -> str:
+        before = settings.marks.items[settings.marks.active].frame
+        focus_marks.remove(settings, settings.marks.active)
+        return f"Removed the focus mark at frame {before}"
+
+
+class VIRTUAL_APERTURE_OT_move_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
+    """Move the active focus mark to the current frame"""
+
+    bl_idname = "virtual_aperture.move_focus_mark"
+    bl_label = "Move Focus Mark Here"
+
+    def change(self, settings: bpy.types.PropertyGroup, frame: int) -> str:
+        before = settings.marks.items[settings.marks.active].frame
+        focus_marks.move(settings, settings.marks.active, frame)
+        return f"Moved the focus mark from frame {before} to frame {frame}"
+
+
+class VIRTUAL_APERTURE_OT_jump_to_focus_mark(bpy.types.Operator):  # noqa: N801
+    """Go to this focus mark's frame"""
+
+    bl_idname = "virtual_aperture.jump_to_focus_mark"
+    bl_label = "Jump to Focus Mark"
+    bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
+
+    frame: bpy.props.IntProperty(name="Frame", options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return has_marks(cls, context)
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        group = context.scene.virtual_aperture.marks
+        go_to(context.scene, self.frame)
+        group.active = next((n for n, m in enumerate(group.items) if m.frame == self.frame), group.active)
+        return {"FINISHED"}
+
+
+class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
+    """Go to the next frame in which the thing in focus is hidden.
+
+    Its distance is estimated there; pick it again if it is off
+    """
+
+    bl_idname = "virtual_aperture.jump_to_unseen"
+    bl_label = "Next Frame With Hidden Focus"
+    bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        unseen = context.scene.virtual_aperture.marks.unseen
+        return has_marks(cls, context) and is_met(cls, unseen, "What is in focus can be seen in all frames")
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        scene = context.scene
+        frames = unseen_frames(scene.virtual_aperture)
+        go_to(scene, next_of(frames, clip_frame(scene)))
+        return {"FINISHED"}
+
+
+def unseen_frames(settings: bpy.types.PropertyGroup) -> list[int]:
+    """Return the frames of a mark that do not show its focus."""
+    return [int(frame) for frame in settings.marks.unseen.split()]
+
+
+class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  # noqa: N801
+    """Replace the keyframes of the focus distance with those of the focus marks.
+
+    Your edits to them are lost
+    """
+
+    bl_idname = "virtual_aperture.write_focus_marks"
+    bl_label = "Restore Focus Mark Keys"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_users = focus_curve.is_users(context.scene.virtual_aperture)
+        return super().poll(context) and is_met(cls, is_users, "The keyframes are those of the focus marks")
+
+    def change(self, settings: bpy.types.PropertyGroup, _frame: int) -> str:
+        focus_marks.take_keys_over(settings)
+        return f"Focus follows {counted(len(settings.marks.items), 'mark')} again"
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the list, its operators, and the active mark's frame and easing."""
+    settings = context.scene.virtual_aperture
+    group = settings.marks
+    row = layout.row()
+    row.template_list(
+        "VIRTUAL_APERTURE_UL_focus_marks", "", group, "items", group, "active",
+        rows=max(2, min(len(group.items), 5)),
+    )  # fmt: skip
+    side = row.column(align=True)
+    side.operator("virtual_aperture.pick_focus", text="", icon="ADD").add = True
+    side.operator(VIRTUAL_APERTURE_OT_remove_focus_mark.bl_idname, text="", icon="REMOVE")
+    side.operator(VIRTUAL_APERTURE_OT_hold_focus.bl_idname, text="", icon="KEYFRAME")
+    side.operator(VIRTUAL_APERTURE_OT_move_focus_mark.bl_idname, text="", icon="TRACKING_REFINE_FORWARDS")
+    if len(group.items) > 1 and group.active < len(group.items):
+        mark = group.items[group.active]
+        layout.prop(mark, "frame", text="Mark Frame")
+        layout.prop(mark, "easing")
+    if hidden := unseen_frames(settings):
+        line = layout.row(align=True)
+        line.label(text=f"Hidden in {counted(len(hidden), 'frame')}", icon="HIDE_ON")
+        line.operator(VIRTUAL_APERTURE_OT_jump_to_unseen.bl_idname, text="", icon="FRAME_NEXT")
+    if focus_curve.is_users(settings):
+        box = layout.column(align=True)
+        yours = "edited" if lens.has_keys(settings, "focus_distance") else "deleted"
+        box.label(text=f"Focus distance keyframes were {yours}", icon="INFO")
+        box.operator(VIRTUAL_APERTURE_OT_write_focus_marks.bl_idname)
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_UL_focus_marks,
+    VIRTUAL_APERTURE_OT_hold_focus,
+    VIRTUAL_APERTURE_OT_remove_focus_mark,
+    VIRTUAL_APERTURE_OT_move_focus_mark,
+    VIRTUAL_APERTURE_OT_jump_to_focus_mark,
+    VIRTUAL_APERTURE_OT_jump_to_unseen,
+    VIRTUAL_APERTURE_OT_write_focus_marks,
+)

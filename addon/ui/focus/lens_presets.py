@@ -1,0 +1,148 @@
+"""Lenses and looks as Blender's presets: the aperture's shape, highlights and how much blur, never the focus.
+
+The f-stop of a preset counts where the scene's scale is given, else its blur as a share of the width.
+Shipped ones lie in `presets/virtual_aperture/lens`, a user's own in the folder of Blender's presets.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import bpy
+from bl_operators.presets import AddPresetBase
+from bl_ui.utils import PresetPanel
+
+from ...core.base.errors import UserError
+from ...core.frame.options import APERTURE_OPTIONS
+from ...scene.base.paths import absolute
+from ...scene.lens import aperture_cloud, depth_of_field
+from ..base.operators import Result, may_change, reported
+from . import bokeh
+
+ROOT = Path(__file__).resolve().parents[2]
+"""Holds the folder `presets`."""
+THUMBNAIL = 1.6
+"""Rows that a preset is high. Chosen by inspection."""
+
+
+class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
+    """Set the aperture shape, highlights and amount of blur to this preset. Focus stays as it is"""
+
+    bl_idname = "virtual_aperture.use_lens_preset"
+    bl_label = "Use Lens Preset"
+    # Blender's own operator for presets cannot be undone.
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    filepath: bpy.props.StringProperty(name="Preset", subtype="FILE_PATH", options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return may_change(cls, context)
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        if not self.filepath:
+            raise UserError("no preset has been chosen")
+        name = bpy.path.display_name(self.filepath, title_case=False)
+        try:
+            with aperture_cloud.held(), depth_of_field.by_given_scale():
+                bpy.utils.execfile(self.filepath)
+        except Exception as error:
+            # A user may have written it.
+            raise UserError(f"the preset {name} cannot be used: {error}") from error
+        finally:
+            aperture_cloud.update(context.scene.virtual_aperture)
+        self.report({"INFO"}, f"Lens preset: {name}")
+        return {"FINISHED"}
+
+
+class VIRTUAL_APERTURE_OT_add_lens_preset(AddPresetBase, bpy.types.Operator):  # noqa: N801
+    """Save the aperture shape, highlights and amount of blur as a preset, or remove a saved one"""
+
+    bl_idname = "virtual_aperture.add_lens_preset"
+    bl_label = "Add Lens Preset"
+    preset_menu = "VIRTUAL_APERTURE_PT_lens_presets"
+    preset_subdir = "virtual_aperture/lens"
+
+    def add(self, context: bpy.types.Context, filepath: str) -> None:
+        """Write a preset, as Blender does, but with a path that is right in any other .blend."""
+        settings = context.scene.virtual_aperture
+        image = str(absolute(settings.shape.image, context.scene)) if settings.shape.image else ""
+        lines = [
+            "import bpy",
+            "settings = bpy.context.scene.virtual_aperture",
+            *(f"settings.shape.{name} = {getattr(settings.shape, name)!r}" for name in APERTURE_OPTIONS),
+            f"settings.shape.image = {image!r}",
+            *(f"settings.{name} = {getattr(settings, name)!r}" for name in ("highlights", "blur", "f_stop")),
+        ]
+        Path(filepath).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+class VIRTUAL_APERTURE_PT_lens_presets(PresetPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Lens Presets"
+    preset_subdir = VIRTUAL_APERTURE_OT_add_lens_preset.preset_subdir
+    preset_operator = VIRTUAL_APERTURE_OT_use_lens_preset.bl_idname
+    preset_add_operator = VIRTUAL_APERTURE_OT_add_lens_preset.bl_idname
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw presets like Blender, with the picture of each aperture."""
+        layout = self.layout
+        layout.emboss = "PULLDOWN_MENU"
+        layout.operator_context = "EXEC_DEFAULT"
+        column = layout.column(align=True)
+        for file in sorted(preset_files(), key=lambda file: _by_number(file.name)):
+            name = bpy.path.display_name(str(file), title_case=False)
+            row = column.row(align=True)
+            row.template_icon(icon_value=bokeh.preset_icon(file), scale=THUMBNAIL)
+            sub = row.row(align=True)
+            sub.scale_y = THUMBNAIL
+            sub.operator(
+                VIRTUAL_APERTURE_OT_use_lens_preset.bl_idname, text=name, translate=False
+            ).filepath = str(file)
+            if ROOT not in file.parents:
+                remove = sub.operator(VIRTUAL_APERTURE_OT_add_lens_preset.bl_idname, text="", icon="REMOVE")
+                remove.name, remove.remove_name = name, True
+        layout.separator()
+        row = layout.row()
+        name_field = row.row()
+        name_field.emboss = "NORMAL"
+        manager = bpy.context.window_manager
+        name_field.prop(manager, "preset_name", text="")
+        row.operator(
+            VIRTUAL_APERTURE_OT_add_lens_preset.bl_idname, text="", icon="ADD"
+        ).name = manager.preset_name
+
+
+def preset_files() -> list[Path]:
+    """Return the presets that are there, shipped ones and the user's."""
+    folders = map(Path, bpy.utils.preset_paths(VIRTUAL_APERTURE_PT_lens_presets.preset_subdir))
+    return [file for folder in folders for file in folder.glob("*.py") if not file.name.startswith(".")]
+
+
+def _by_number(name: str) -> list[tuple[int, str]]:
+    """A key by which 85 mm comes before 100 mm."""
+    parts = re.split(r"(\d+)", name.lower())
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+
+def draw_button(layout: bpy.types.UILayout) -> None:
+    """Draw the button in a panel's header that lists the presets."""
+    VIRTUAL_APERTURE_PT_lens_presets.draw_panel_header(layout)
+
+
+def register() -> None:
+    """Have Blender look for presets here, too."""
+    bpy.utils.register_preset_path(str(ROOT))
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.utils.unregister_preset_path(str(ROOT))
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_OT_use_lens_preset,
+    VIRTUAL_APERTURE_OT_add_lens_preset,
+    VIRTUAL_APERTURE_PT_lens_presets,
+)

@@ -1,0 +1,177 @@
+"""The list of subjects, and the operators that focus on one and carry it through the clip."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import bpy
+
+from ...core.base.counting import counted
+from ...core.base.errors import UserError
+from ...core.base.progress import part
+from ...core.focus.place import Place
+from ...core.frame.clip_context import ClipContext
+from ...core.subjects.carried import UNSURE
+from ...scene.base import redraw
+from ...scene.base.timeline import clip_frame
+from ...scene.sources import subjects
+from ...scene.sources.shot import shot_of
+from ..base.background_work import WorksMeanwhile
+from ..base.operators import Result, has_solve, is_met, may_change
+from ..jobs.report_list import VIRTUAL_APERTURE_OT_jump_to_frame, next_of
+from ..picking.pick_subject import VIRTUAL_APERTURE_OT_pick_subject
+from ..picking.pick_vertices import focus_on
+
+
+class VIRTUAL_APERTURE_UL_subjects(bpy.types.UIList):  # noqa: N801
+    """Name, and how many strokes mark it."""
+
+    def draw_item(
+        self, _context: bpy.types.Context, layout: bpy.types.UILayout, _data: object,
+        subject: bpy.types.PropertyGroup, _icon: int, _active_data: object, _active: str, index: int = 0,
+    ) -> None:  # fmt: skip
+        row = layout.split(factor=0.65)
+        row.prop(subject, "name", text="", emboss=False, icon="OUTLINER_OB_ARMATURE")
+        row.label(text=counted(len(subject.strokes), "stroke"))
+
+
+class OfActive:
+    """An operator on the active subject."""
+
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        subject = subjects.active(context.scene.virtual_aperture)
+        message = "No subject is marked; Pick Subject marks one"
+        return may_change(cls, context) and has_solve(cls, context) and is_met(cls, subject, message)
+
+
+class WorksOnActive(OfActive, WorksMeanwhile):
+    """One that computes something of it first."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_idle = not WorksMeanwhile._under_way
+        return is_met(cls, is_idle, "Another subject is being worked on") and super().poll(context)
+
+    def work(self, context: bpy.types.Context) -> Callable[[], Any]:
+        subject = subjects.active(context.scene.virtual_aperture)
+        assert subject is not None  # `poll` asks for it.
+        self._name, self._frame = subject.name, clip_frame(context.scene)
+        return self.work_on(shot_of(context.scene).context)
+
+    def work_on(self, clip: ClipContext) -> Callable[[], Any]:
+        """Return the computation of the subject."""
+        raise NotImplementedError
+
+
+class VIRTUAL_APERTURE_OT_focus_subject(WorksOnActive, bpy.types.Operator):  # noqa: N801
+    """Focus on the whole active subject at the current frame, and follow it as it moves"""
+
+    bl_idname = "virtual_aperture.focus_subject"
+    bl_label = "Focus on Subject"
+    doing = "Finding the subject's distance in all frames"
+
+    add: bpy.props.BoolProperty(
+        name="Add Mark",
+        description="Add a second focus mark at the current frame instead of replacing the first, so that"
+        " focus is pulled to it",
+        options={"SKIP_SAVE"},
+    )
+
+    def work_on(self, clip: ClipContext) -> Callable[[], Place]:
+        return partial(clip.subject_place, self._name, self._frame)
+
+    def finish(self, scene: bpy.types.Scene, found: Place) -> str:
+        return focus_on(scene.virtual_aperture, self._frame, [found], self.add)
+
+
+class VIRTUAL_APERTURE_OT_carry_subject(WorksOnActive, bpy.types.Operator):  # noqa: N801
+    """Find the active subject in all frames now, and list the frames where another stroke would help"""
+
+    bl_idname = "virtual_aperture.carry_subject"
+    bl_label = "Track Through Clip"
+    doing = "Tracking the subject through the clip"
+
+    def work_on(self, clip: ClipContext) -> Callable[[], list[int]]:
+        return partial(unsure_frames, clip, self._name)
+
+    def finish(self, scene: bpy.types.Scene, found: list[int]) -> str:
+        items = scene.virtual_aperture.subjects.items
+        subject = next((each for each in items if each.name == self._name), None)
+        if subject is None:
+            raise UserError(f"there is no subject {self._name!r} any longer")
+        subject.unsure = " ".join(map(str, found))
+        redraw.panels()
+        if not found:
+            return f"{self._name} is tracked through all frames"
+        return f"{self._name} is uncertain in {counted(len(found), 'frame')}; a stroke there helps"
+
+
+def unsure_frames(clip: ClipContext, name: str) -> list[int]:
+    """Carry a subject through all frames; those in which another stroke would help.
+
+    Errors as of `ClipContext.subject`.
+    """
+    carried = clip.carried(next(each for each in clip.marked if each.name == name))
+    frames = [int(frame) for frame in clip.reconstruction.frames]
+    found = []
+    for number, frame in enumerate(frames):
+        with part(number, len(frames)):
+            if carried.cut(frame).sure < UNSURE:
+                found.append(frame)
+            # Kept for renders.
+            clip.subject(name, frame)
+    return found
+
+
+class VIRTUAL_APERTURE_OT_remove_subject(OfActive, bpy.types.Operator):  # noqa: N801
+    """Remove the active subject and its strokes. Focus marks on it stay"""
+
+    bl_idname = "virtual_aperture.remove_subject"
+    bl_label = "Remove Subject"
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings = context.scene.virtual_aperture
+        subject = subjects.active(settings)
+        assert subject is not None  # `poll` asks for it.
+        name = subject.name
+        subjects.remove(settings, settings.subjects.active)
+        self.report({"INFO"}, f"Removed the subject {name}")
+        return {"FINISHED"}
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the list, its operators, and the frames in which the active subject is unsure."""
+    settings = context.scene.virtual_aperture
+    group = settings.subjects
+    layout.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, icon="BRUSH_DATA")
+    if not len(group.items):
+        return
+    row = layout.row()
+    row.template_list(
+        "VIRTUAL_APERTURE_UL_subjects", "", group, "items", group, "active",
+        rows=max(2, min(len(group.items), 5)),
+    )  # fmt: skip
+    side = row.column(align=True)
+    side.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, text="", icon="ADD").new = True
+    side.operator(VIRTUAL_APERTURE_OT_remove_subject.bl_idname, text="", icon="REMOVE")
+    layout.operator(VIRTUAL_APERTURE_OT_focus_subject.bl_idname, icon="CON_TRACKTO")
+    layout.operator(VIRTUAL_APERTURE_OT_carry_subject.bl_idname, icon="TRACKING_FORWARDS")
+    subject = subjects.active(settings)
+    if subject is not None and (unsure := [int(frame) for frame in subject.unsure.split()]):
+        line = layout.row(align=True)
+        line.label(text=f"Uncertain in {counted(len(unsure), 'frame')}", icon="QUESTION")
+        jump = line.operator(VIRTUAL_APERTURE_OT_jump_to_frame.bl_idname, text="", icon="FRAME_NEXT")
+        jump.frame = next_of(unsure, clip_frame(context.scene))
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_UL_subjects,
+    VIRTUAL_APERTURE_OT_focus_subject,
+    VIRTUAL_APERTURE_OT_carry_subject,
+    VIRTUAL_APERTURE_OT_remove_subject,
+)

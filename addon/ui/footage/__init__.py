@@ -1,0 +1,1 @@
+"""Choosing, importing, solving and restoring a clip."""

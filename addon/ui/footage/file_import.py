@@ -1,0 +1,211 @@
+"""File > Import, and files dropped on the 3D viewport: a clip, or what another program solved of it.
+
+Blender hands files to a `FileHandler` by their endings, and folders to none: these are for File > Import.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ...core.base.errors import UserError
+from ...core.media.clip import Footage
+from ...core.media.find_clip import is_clip
+from ...core.media.picture_file import PICTURES
+from ...core.readers.matching import Imported
+from ...core.sfm.state import STATE, is_state_of, read_state
+from ...scene.base.paths import absolute
+from ...scene.lens.lens import is_in_focus
+from ...scene.sources.clip import work_dir
+from ..base import operators, solving
+from ..base.operators import Result, reported
+from . import choose_clip, import_solve, solve
+
+MODELS = (".bin", ".txt", ".out", ".nvm", ".json", ".npz", ".r3d")
+"""Endings of the models that other programs write."""
+
+
+class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.types.Operator):  # noqa: N801
+    """Choose a video, any image of a sequence, or a folder of images, and solve it.
+
+    If it has been solved before, that solve is loaded
+    """
+
+    bl_idname = "virtual_aperture.import_clip"
+    # Blender shows it where other handlers take the file, too.
+    bl_label = "Solve with Virtual Aperture"
+
+    filepath: bpy.props.StringProperty(
+        name="Clip",
+        description="Video, any image of a sequence, or a folder of images",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+
+    sure: bpy.props.BoolProperty(
+        name="Do Not Ask", description="The user has confirmed", options={"SKIP_SAVE", "HIDDEN"}
+    )
+
+    _invoked = False
+    _is_answer = False
+
+    draw = choose_clip.VIRTUAL_APERTURE_OT_choose_clip.draw
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if bpy.app.background:
+            return self.execute(context)
+        self._invoked = True
+        settings = context.scene.virtual_aperture
+        if not self.filepath:
+            self.filepath = str(absolute(settings.footage)) if settings.footage else ""
+            context.window_manager.fileselect_add(self)
+            return {"RUNNING_MODAL"}
+        return reported(lambda _, context: self._begin(context, event))(self, context)
+
+    def _begin(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        """Solve meanwhile, or ask first whether the focus of another clip may be lost."""
+        settings = context.scene.virtual_aperture
+        clip = self._checked(context)
+        if self.sure or not loses_focus(settings, clip):
+            return self.solve_meanwhile(context)
+        self._is_answer = True
+        answer: Result = context.window_manager.invoke_confirm(
+            self, event, title=f"Replace {settings.clip_name}?",
+            message=f"The focus set for {settings.clip_name} will be lost", confirm_text="Replace",
+        )  # fmt: skip
+        return answer
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        self._checked(context)
+        if not self._invoked:
+            return self.solve_now(context)
+        # The file browser and the question end here; the work is for the modal operator.
+        try:
+            bpy.ops.virtual_aperture.import_clip(
+                "INVOKE_DEFAULT", filepath=self.filepath, sure=self._is_answer
+            )
+        except RuntimeError as error:
+            raise operators.refused(error) from None
+        return {"CANCELLED"}
+
+    def _checked(self, context: bpy.types.Context) -> Path:
+        """The clip that was chosen; UserError where it cannot be solved now."""
+        # Not in `poll`, as in dropping models.
+        operators.check_may_change(context.scene)
+        if not self.filepath:
+            raise UserError(
+                "no clip has been chosen; choose a video, an image of a sequence or a folder of images"
+            )
+        clip = choose_clip.clip_of(absolute(self.filepath))
+        if solving.running_solve() is not None:
+            raise UserError(
+                f"a clip is being solved; wait, or cancel with ESC, then import {clip.name} again"
+            )
+        return clip
+
+    def solved_clip(self, settings: bpy.types.PropertyGroup) -> tuple[Path, str]:
+        clip = choose_clip.clip_of(absolute(self.filepath))
+        return clip, folder_for(settings, clip)
+
+
+class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  # noqa: N801
+    """Import the clip's cameras, and points if there are any, from another program or a phone"""
+
+    bl_idname = "virtual_aperture.drop_model"
+    bl_label = "Import to Virtual Aperture"
+    bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
+
+    filepath: bpy.props.StringProperty(
+        name="Model", description="Model file", subtype="FILE_PATH", options={"SKIP_SAVE"}
+    )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if self.again:
+            return self.confirm(context, event)
+        self._asks = True
+        return self.execute(context)
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        name = Path(self.filepath).name
+        # Not in `poll`: Blender would then refuse the drop without a message.
+        operators.check_may_change(context.scene)
+        if not context.scene.virtual_aperture.footage and import_solve.recorded(self.filepath) is None:
+            raise UserError(f"{name} is a solve, but no clip has been chosen for it; drop the clip first")
+        if solving.running_solve() is not None:
+            raise UserError(f"the clip is being solved; cancel with ESC, then drop {name} again")
+        return super().execute(context)
+
+    def clip_of(self, settings: bpy.types.PropertyGroup) -> Path:
+        return import_solve.recorded(self.filepath) or super().clip_of(settings)
+
+    def read(self, footage: Footage) -> Imported:
+        return import_solve.read_model(self.filepath, footage)
+
+    def ask(self) -> None:
+        bpy.ops.virtual_aperture.drop_model("INVOKE_DEFAULT", filepath=self.filepath, again=True)
+
+
+def loses_focus(settings: bpy.types.PropertyGroup, clip: Path) -> bool:
+    """Return whether a new solve would lose the scene's focus, which is of another clip."""
+    return settings.points is not None and is_in_focus(settings) and not is_clip(clip, settings.clip_identity)
+
+
+def folder_for(settings: bpy.types.PropertyGroup, clip: Path) -> str:
+    """Return the working folder that is set; none where that keeps the solve of another clip than this."""
+    if not settings.work_dir:
+        return ""
+    folder = work_dir(settings, clip)
+    state = read_state(folder) if (folder / STATE).exists() else None
+    return "" if state is not None and not is_state_of(state, clip) else str(settings.work_dir)
+
+
+class _OnViewport:
+    """Takes files that are dropped on a 3D viewport."""
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+class VIRTUAL_APERTURE_FH_clip(_OnViewport, bpy.types.FileHandler):  # noqa: N801
+    bl_idname = "VIRTUAL_APERTURE_FH_clip"
+    bl_label = "Virtual Aperture Clip"
+    bl_import_operator = VIRTUAL_APERTURE_OT_import_clip.bl_idname
+    bl_file_extensions = ";".join((*sorted(bpy.path.extensions_movie), *PICTURES))
+
+
+class VIRTUAL_APERTURE_FH_model(_OnViewport, bpy.types.FileHandler):  # noqa: N801
+    bl_idname = "VIRTUAL_APERTURE_FH_model"
+    bl_label = "Virtual Aperture Solve"
+    bl_import_operator = VIRTUAL_APERTURE_OT_drop_model.bl_idname
+    bl_file_extensions = ";".join(MODELS)
+
+
+def _draw_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    layout = menu.layout
+    layout.operator(VIRTUAL_APERTURE_OT_import_clip.bl_idname, text="Virtual Aperture Clip")
+    layout.operator(
+        import_solve.VIRTUAL_APERTURE_OT_import_solve.bl_idname,
+        text="Virtual Aperture Solve (COLMAP, Bundler, nerfstudio, ...)",
+    )
+
+
+def register() -> None:
+    """Add the entries of File > Import."""
+    bpy.types.TOPBAR_MT_file_import.append(_draw_menu)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.types.TOPBAR_MT_file_import.remove(_draw_menu)
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_OT_import_clip,
+    VIRTUAL_APERTURE_OT_drop_model,
+    VIRTUAL_APERTURE_FH_clip,
+    VIRTUAL_APERTURE_FH_model,
+)

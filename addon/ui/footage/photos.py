@@ -1,0 +1,61 @@
+"""Photos in no order: which one is shown and rendered."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...core.base.errors import UserError
+from ...scene.base.timeline import go_to
+from ...scene.solve.store import is_ordered
+from ...scene.sources.shot import shot_of
+from ..base.operators import Result, has_solve, is_met, reported
+
+_items: list[tuple[str, str, str]] = []
+"""Blender keeps no reference to the strings of a list that is made when it is asked for."""
+
+
+def are_photos(settings: bpy.types.PropertyGroup) -> bool:
+    """Return whether the scene's solve is one of unordered photos."""
+    return settings.points is not None and not is_ordered(settings.points.data)
+
+
+def _photos(_operator: bpy.types.Operator, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
+    """The photos that have a camera, by the names of their files."""
+    global _items
+    try:
+        shot = shot_of((context or bpy.context).scene)
+    except UserError:
+        return []
+    frames = shot.reconstruction.frames.tolist()
+    _items = [(str(frame), shot.footage.file(frame).name, "") for frame in frames]
+    return _items
+
+
+class VIRTUAL_APERTURE_OT_show_photo(bpy.types.Operator):  # noqa: N801
+    """Choose which photo is shown, and rendered by Render Image"""
+
+    bl_idname = "virtual_aperture.show_photo"
+    bl_label = "Show Photo"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+    bl_property = "photo"
+
+    photo: bpy.props.EnumProperty(name="Photo", description="File name of the photo", items=_photos)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        settings = context.scene.virtual_aperture
+        return has_solve(cls, context) and is_met(
+            cls, are_photos(settings), "The clip is not a set of photos"
+        )
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        context.window_manager.invoke_search_popup(self)
+        return {"RUNNING_MODAL"}
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        go_to(context.scene, int(self.photo))
+        return {"FINISHED"}
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_show_photo,)

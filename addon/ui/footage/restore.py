@@ -1,0 +1,55 @@
+"""Bringing back what the user deleted of a solved clip."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...core.base.errors import UserError
+from ...core.media.clip import Footage, open_footage
+from ...scene import parts
+from ...scene.build import restore
+from ...scene.sources.clip import footage_path, solved_clip_path, work_dir
+from ...scene.sources.shot import reconstruction_of
+from ..base.operators import Result, is_met, may_change, reported
+from .solve import build_scene, is_kept
+
+
+class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
+    """Bring back the camera, the points and other objects of the solve that were deleted"""
+
+    bl_idname = "virtual_aperture.restore_objects"
+    bl_label = "Restore Objects"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        message = "No objects of the solve are missing"
+        return may_change(cls, context) and is_met(cls, parts.missing(context.scene), message)
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        scene, settings = context.scene, context.scene.virtual_aperture
+        words = ", ".join(parts.missing(scene))
+        if settings.points is not None:
+            restore(scene, _footage(settings))
+        elif is_kept(settings):
+            # The reconstruction went with the points' mesh.
+            clip = footage_path(settings)
+            build_scene(scene, open_footage(clip), work_dir(settings, clip))
+            self.report({"WARNING"}, "The solve was loaded again; set the focus again")
+        else:
+            raise UserError("the point cloud was deleted, and the solve with it; solve the clip again")
+        self.report({"INFO"}, f"Restored: {words}")
+        return {"FINISHED"}
+
+
+def _footage(settings: bpy.types.PropertyGroup) -> Footage | None:
+    """The solved clip; None if it is missing, which the panel shows."""
+    try:
+        is_stills = not reconstruction_of(settings).is_ordered
+        return open_footage(solved_clip_path(settings), stills=is_stills)
+    except UserError:
+        return None
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_restore_objects,)

@@ -1,0 +1,281 @@
+"""Solving a clip, and building its solve into the scene."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...core.base.counting import counted
+from ...core.base.errors import UserError, with_words
+from ...core.media.clip import Footage
+from ...core.media.sequence import is_pattern
+from ...core.readers.matching import Imported
+from ...core.sfm.process import SolveProcess
+from ...core.sfm.state import STATE
+from ...core.sfm.workspace import Solve, imported_from, load_solve
+from ...scene.base import redraw
+from ...scene.base.paths import absolute
+from ...scene.base.remedy_words import WORDS
+from ...scene.build import build
+from ...scene.focus import focus_marks
+from ...scene.focus.refocus import keep_focus, restore_focus
+from ...scene.lens import aperture_cloud
+from ...scene.lens.lens import focal_of
+from ...scene.sources.clip import footage_path, work_dir
+from ..base.operators import LOOK, Result, has_clip, is_idle, may_change, reported
+from ..base.solving import Solving
+from ..jobs import depth_ahead, first_person
+from . import after_solve
+
+
+def is_kept(settings: Any) -> bool:
+    """Return whether the working folder has a solve or an import; fast enough for drawing."""
+    return bool(settings.footage) and (work_dir(settings, footage_path(settings)) / STATE).exists()
+
+
+def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[Solve, str]:
+    """Build the solve of a working folder into a scene.
+
+    Returns:
+        The solve, and a note on its focus, or "".
+    """
+    solve = load_solve(folder, footage.path)
+    kept = keep_focus(scene.virtual_aperture, footage.path)
+    points = scene.virtual_aperture.points
+    if points is not None and points.mode == "EDIT":
+        # A mesh cannot be filled there. The window may show another scene meanwhile.
+        layer = scene.view_layers[0]
+        with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=points):
+            bpy.ops.object.mode_set(mode="OBJECT")
+    settings = build(scene, footage, solve.reconstruction)
+    settings.summary = solve.summary
+    settings.advice = with_words(solve.quality.advice, solve.quality.remedies, WORDS)
+    note = ""
+    if kept is not None:
+        note = restore_focus(settings, kept, solve.reconstruction)
+    else:
+        # So that the first render shows the effect.
+        focus_marks.set_first(settings, solve.reconstruction)
+    aperture_cloud.update(settings)
+    after_solve.show(scene, solve.reconstruction)
+    return solve, note
+
+
+def kept_words(folder: Path) -> str:
+    """Return the content of a working folder in a line, for a question before it is replaced."""
+    made = time.strftime("%d %B %Y, %H:%M", time.localtime((folder / STATE).stat().st_mtime))
+    try:
+        quality, kind = load_solve(folder).quality, imported_from(folder) or "Solve"
+    except UserError:
+        # Its clip is gone, or it is damaged.
+        return f"Solve of {made}"
+    registered = f"{quality.registered} of {quality.frames} frames"
+    return f"{kind} of {made}: {registered}, {counted(quality.points, 'point')}"
+
+
+def solved_words(scene: bpy.types.Scene, summary: str) -> str:
+    """Return the result of a solve, and the focus, in one line."""
+    settings = scene.virtual_aperture
+    if not settings.marks.is_first:
+        return summary
+    return f"{summary}; focused on {first_person.in_focus(settings)}. Pick Focus changes that"
+
+
+def focus_on_person(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
+    """Put the nearest subject in focus where nobody has picked a focus, as `first_person.focus`."""
+    try:
+        first_person.focus(scene)
+    except UserError as error:
+        operator.report({"WARNING"}, f"People were not looked for: {error.worded(WORDS)}")
+
+
+def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
+    """Say what was hidden for the camera, if anything."""
+    if things := after_solve.still_hidden(scene):
+        operator.report({"INFO"}, after_solve.hidden_words(things))
+
+
+class Solves:
+    """Solve a clip, with ESC to cancel, and bring it into the scene as one undo step.
+
+    Until then the scene is not touched.
+    """
+
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    again = False
+    _process: Solving | None = None
+    _timer: bpy.types.Timer | None = None
+    _scene = ""
+    _folder_set = ""
+    _depth: Path | None = None
+    _cameras: Imported | None = None
+    """Cameras that are known and held; None where they are to be found, too."""
+
+    def solved_clip(self, settings: Any) -> tuple[Path, str]:
+        """Return the clip to solve, and the settings' working folder."""
+        raise NotImplementedError
+
+    def _start(self, context: bpy.types.Context) -> Solving:
+        settings = context.scene.virtual_aperture
+        clip, self._folder_set = self.solved_clip(settings)
+        # It also looks into the folder that is about to change.
+        self._depth = depth_ahead.give_way()
+        # The user may go to another scene meanwhile.
+        self._scene = context.scene.name
+        return Solving(
+            partial(
+                SolveProcess,
+                clip,
+                work_dir(settings, clip, self._folder_set),
+                focal=focal_of(settings),
+                again=self.again,
+                zooms=settings.lens == "ZOOM",
+                yielding=not bpy.app.background,
+                cameras=self._cameras,
+                stills=settings.stills and (clip.is_dir() or is_pattern(clip)),
+                depth_maps=absolute(settings.depth_maps, context.scene) if settings.depth_maps else None,
+            ),
+            clip.name,
+        )
+
+    def solve_now(self, context: bpy.types.Context) -> Result:
+        """Solve, and wait for the result; UserError as the core's."""
+        solving = self._process = self._start(context)
+        try:
+            while not solving.finished:
+                solving.poll()
+                time.sleep(LOOK)
+        finally:
+            solving.cancel()
+        return self._finish()
+
+    def solve_meanwhile(self: Any, context: bpy.types.Context) -> Result:
+        """Begin to solve; `modal` goes on. UserError where it cannot begin."""
+        self._process = Solving.running = self._start(context)
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(LOOK, window=context.window)
+        manager.progress_begin(0, 100)
+        manager.modal_handler_add(self)
+        redraw.panels()
+        return {"RUNNING_MODAL"}
+
+    def modal(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        assert self._process is not None
+        if event.type == "ESC":
+            self._end(context)
+            depth_ahead.begin_after_solve(self._depth)
+            self.report({"WARNING"}, "Solve cancelled; nothing was changed")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            before = self._process.sight, self._process.step.stage
+            for step in self._process.poll():
+                context.window_manager.progress_update(100 * step.share)
+                context.workspace.status_text_set(f"Virtual Aperture: {step.text}    (ESC cancels)")
+                redraw.panels()
+            if (self._process.sight, self._process.step.stage) != before:
+                redraw.viewports()
+            if not self._process.finished:
+                return {"RUNNING_MODAL"}
+            self._end(context)
+            result: Result = self._finish()
+            return result
+        except UserError as error:
+            self._end(context)
+            depth_ahead.begin_after_solve(self._depth)
+            self.report({"ERROR"}, error.worded(WORDS))
+            return {"CANCELLED"}
+        except Exception:
+            # Else the worker would go on, and the folder stay locked, without anybody to end it.
+            self._end(context)
+            raise
+
+    def cancel(self, _context: bpy.types.Context) -> None:
+        """Called by Blender when another file is loaded meanwhile, or the question is answered by no."""
+        if self._process is not None:
+            self._process.cancel()
+
+    def _finish(self: Any) -> Result:
+        assert self._process is not None and self._process.process is not None
+        process, scene = self._process.process, bpy.data.scenes.get(self._scene)
+        if scene is None:
+            raise UserError(
+                f"the scene {self._scene!r} no longer exists; its solve is kept in {process.work_dir}"
+            )
+        solve, note = build_scene(scene, process.clip, process.work_dir)
+        scene.virtual_aperture.work_dir = self._folder_set
+        depth_ahead.begin_after_solve(process.work_dir)
+        focus_on_person(self, scene)
+        report_hidden(self, scene)
+        notes = solve.quality.notes if self._cameras is not None else []
+        for each in (*notes, *([note] if note else [])):
+            self.report({"WARNING"}, each)
+        self.report({"INFO"}, solved_words(scene, solve.summary))
+        return {"FINISHED"}
+
+    def _end(self, context: bpy.types.Context) -> None:
+        assert self._process is not None
+        self._process.cancel()
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+        redraw.viewports()
+
+
+class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
+    """Find the clip's camera motion and feature points, and add them to the scene"""
+
+    bl_idname = "virtual_aperture.solve"
+    bl_label = "Solve Clip"
+    # Not REGISTER: its redo panel would solve once more, with the interface frozen.
+
+    again: bpy.props.BoolProperty(
+        name="Solve Again",
+        description="Solve even if the working folder already holds a solve",
+        options={"SKIP_SAVE"},
+    )
+    sure: bpy.props.BoolProperty(
+        name="Do Not Ask", description="The user has confirmed", options={"SKIP_SAVE", "HIDDEN"}
+    )
+
+    _asks = False
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return is_idle(cls) and may_change(cls, context) and has_clip(cls, context)
+
+    def solved_clip(self, settings: Any) -> tuple[Path, str]:
+        return footage_path(settings), settings.work_dir
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        if self._asks:
+            # The answer to the question comes here; the work is for the modal operator.
+            bpy.ops.virtual_aperture.solve("INVOKE_DEFAULT", again=True, sure=True)
+            return {"CANCELLED"}
+        return self.solve_now(context)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if bpy.app.background:
+            return self.execute(context)
+        settings = context.scene.virtual_aperture
+        if self.again and not self.sure and is_kept(settings):
+            self._asks = True
+            folder = work_dir(settings, footage_path(settings))
+            answer: Result = context.window_manager.invoke_confirm(
+                self, event, title=f"Replace the solve in {folder.name}?", message=kept_words(folder),
+                confirm_text="Solve Again",
+            )  # fmt: skip
+            return answer
+        return reported(VIRTUAL_APERTURE_OT_solve.solve_meanwhile)(self, context)
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_solve,)

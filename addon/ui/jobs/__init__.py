@@ -1,0 +1,1 @@
+"""Work in other processes: movies, renders, exports, depth, the first focus."""

@@ -1,0 +1,154 @@
+"""The nearest subject in focus after a solve, found in the background while nobody has picked a focus."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ...core.base.errors import UserError
+from ...core.focus.place import Place
+from ...core.frame.first_person import nearest_subject
+from ...scene.base import redraw
+from ...scene.focus import focus_marks
+from ...scene.lens import aperture_cloud
+from ...scene.sources.shot import IDENTITY, points_mesh, shot_of
+from ..base.work import Work
+
+LOOK = 0.5
+"""Seconds between two looks at the search."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """A search for the nearest subject that is under way."""
+
+    work: Work[Place | None]
+    scene: str
+    """The scene's name: it may be renamed or removed meanwhile."""
+    solve: str
+    """Identity of the solve that it looks in."""
+
+    def settings(self) -> bpy.types.PropertyGroup | None:
+        """The settings that wait for the result; None if the focus was picked or the clip solved again."""
+        scene = bpy.data.scenes.get(self.scene)
+        if scene is None or scene.virtual_aperture.points is None:
+            return None
+        settings = scene.virtual_aperture
+        waits = settings.marks.is_first and _identity(settings) == self.solve
+        return settings if waits else None
+
+
+_search: Search | None = None
+
+
+def focus(scene: bpy.types.Scene) -> None:
+    """Put the nearest subject in focus if no focus was picked: in the window once one is found, else now.
+
+    Raises:
+        UserError: As of `shot_of` and `nearest_subject`.
+    """
+    global _search
+    settings = scene.virtual_aperture
+    stop()
+    if not settings.marks.is_first:
+        return
+    if bpy.app.background:
+        _put(settings, nearest_subject(shot_of(scene).context))
+        return
+    # The preview works with the scene's own shot meanwhile.
+    apart = shot_of(scene).apart()
+    work = Work(lambda: nearest_subject(apart.context), pauses_preview=False)
+    _search = Search(work, scene.name, _identity(settings))
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=LOOK)
+
+
+def in_focus(settings: bpy.types.PropertyGroup) -> str:
+    """Return what is in focus while nobody has picked a focus."""
+    places = settings.marks.items[0].places
+    return str(places[0].source) if len(places) else "a fixed distance"
+
+
+def words() -> str:
+    """Return a line about the search that is under way; empty without one."""
+    return "" if _search is None else f"Looking for subjects {_search.work.stage}"
+
+
+def stop() -> None:
+    """End the search that is under way."""
+    global _search
+    if _search is not None:
+        _search.work.cancel()
+    _search = None
+
+
+def _identity(settings: bpy.types.PropertyGroup) -> str:
+    return str(points_mesh(settings).get(IDENTITY))
+
+
+def _put(settings: bpy.types.PropertyGroup, place: Place | None) -> None:
+    if place is not None:
+        focus_marks.put_first(settings, place)
+        aperture_cloud.update(settings)
+
+
+def _must_wait(settings: bpy.types.PropertyGroup) -> bool:
+    """Return whether the scene must not be changed now.
+
+    An operator of the extension waits for the mouse, Blender renders, or the point cloud is in Edit Mode,
+    whose undo contains the mesh only.
+    """
+    windows = bpy.context.window_manager.windows
+    modal = (operator.bl_idname for window in windows for operator in window.modal_operators)
+    is_operating = any(name.startswith("VIRTUAL_APERTURE_OT_") for name in modal)
+    return is_operating or bpy.app.is_job_running("RENDER") or settings.points.mode == "EDIT"
+
+
+def _tick() -> float | None:
+    """A timer's turn; None when the search has ended."""
+    search = _search
+    if search is None:
+        return None
+    settings = search.settings()
+    if settings is None:
+        stop()
+        redraw.panels()
+        return None
+    if not search.work.ended():
+        redraw.panels()
+        return LOOK
+    if _must_wait(settings):
+        return LOOK
+    stop()
+    redraw.panels()
+    # An unreadable frame is reported where it is rendered; the focus is as it was.
+    if isinstance(search.work.error, UserError):
+        return None
+    place = search.work.result()
+    _put(settings, place)
+    if place is not None:
+        window = bpy.context.window_manager.windows[0]
+        with bpy.context.temp_override(window=window):
+            bpy.ops.ed.undo_push(message="Focus on Nearest Person")
+    return None
+
+
+@persistent
+def _on_leave(*_: object) -> None:
+    stop()
+
+
+def register() -> None:
+    """End the search when another file is opened."""
+    bpy.app.handlers.load_pre.append(_on_leave)
+
+
+def unregister() -> None:
+    """Undo `register`, and end the search."""
+    stop()
+    with contextlib.suppress(ValueError):
+        bpy.app.timers.unregister(_tick)
+    bpy.app.handlers.load_pre.remove(_on_leave)

@@ -1,0 +1,157 @@
+"""The clip as a movie with sound, rendered by another process from a copy of the file.
+
+The user can continue to work, and output settings of the scene are not touched.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+import bpy
+
+from ...core.base.errors import UserError
+from ...core.base.job import Job
+from ...core.media.picture_file import PICTURES
+from ...render.output import movie_folder
+from ...render.output.movie_file import JOINING, MOVIES
+from ...render.output.output import STILLS, check_output, claimed
+from ...render.processes.blend_file import write_blend
+from ...render.processes.launcher import start
+from ...scene.base.paths import absolute
+from ...scene.base.timeline import clip_frame
+from ...scene.sources.clip import footage_path
+from ..base.text import progress_row
+
+ENDING = "_render"
+"""Suffix of a movie's name after the clip's: the clip may lie beside it."""
+
+
+class MovieJob(Job):
+    """The process that renders a movie."""
+
+    def __init__(self, out: Path) -> None:
+        super().__init__()
+        self.out = out
+
+    @property
+    def words(self) -> str:
+        """How far it is, in a few words."""
+        if self.stage == JOINING:
+            return "Writing the movie"
+        return f"Movie: {self.done} of {self.total} frames" if self.total else "Movie: starting"
+
+    @property
+    def name(self) -> str:
+        """Its name in a sentence."""
+        return f"the movie {self.out.name}"
+
+    def clear(self) -> None:
+        """Remove what the process, which has ended, leaves unfinished."""
+        # Another run may have begun with the same movie.
+        with contextlib.suppress(UserError), claimed(self.out):
+            movie_folder.clear(self.out)
+        with contextlib.suppress(OSError):
+            self.out.parent.rmdir()  # where it holds nothing
+
+
+_movie: MovieJob | None = None
+"""The last one of this Blender: it takes as many processes as fit, so there are not two."""
+
+
+def movie_path(scene: bpy.types.Scene) -> Path:
+    """Return the path of the scene's movie by the output path.
+
+    It is that path if it names a movie; a file beside the folder that a solve has set for frames; else a file
+    there, under the same name.
+    """
+    output, settings = scene.render.filepath, scene.virtual_aperture
+    folder = Path(bpy.path.abspath(scene.render.frame_path(frame=scene.frame_start))).parent
+    name = "" if output.endswith(("/", os.sep)) else Path(output.replace("\\", "/")).name
+    suffix = Path(name).suffix.lower()
+    if suffix in MOVIES:
+        return absolute(str(folder / name))
+    if output == settings.output and not name:
+        return absolute(f"{folder}.mp4")
+    name = name.removesuffix(Path(name).suffix) if suffix in {*PICTURES, *STILLS} else name
+    name = _without_number(name)
+    if not name or "{" in name or "#" in name:
+        name = f"{_without_number(footage_path(settings).stem)}{ENDING}"
+    return absolute(str(folder / f"{name}.mp4"))
+
+
+def _without_number(name: str) -> str:
+    """The part of a name before its ####."""
+    return name.rstrip("#").rstrip("_-. ")
+
+
+def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieJob:
+    """Render the scene's frames as a movie in another process.
+
+    Raises:
+        UserError: It cannot be started, or would replace a file unasked.
+    """
+    global _movie
+    check_output(out, overwrite)
+    made = MovieJob(out)
+    blend = Path(bpy.app.tempdir) / "virtual-aperture-movie.blend"
+    write_blend(blend)
+    first, last = (clip_frame(scene, at) for at in (scene.frame_start, scene.frame_end))
+    words = ["render", blend, "--out", out, "--frames", f"{first}-{last}", *["--overwrite"] * overwrite]
+    start(made, blend.with_suffix(".json"), words, scene.name, as_is=True)
+    _movie = made
+    return made
+
+
+def under_way() -> MovieJob | None:
+    """Return the movie that is being rendered."""
+    return _movie if _movie is not None and _movie.is_running else None
+
+
+def draw(layout: bpy.types.UILayout) -> None:
+    """Draw the progress of a movie with a button to cancel it, or a finished movie with one to play."""
+    if _movie is None:
+        return
+    if _movie.is_running:
+        stop = VIRTUAL_APERTURE_OT_cancel_movie.bl_idname
+        progress_row(layout, _movie.words, _movie.share, _movie.left, stop)
+    elif _is_of(bpy.context.scene, _movie) and _movie.out.exists():
+        row = layout.row(align=True)
+        row.label(text=_movie.out.name, icon="CHECKMARK")
+        row.operator("wm.path_open", text="", icon="PLAY").filepath = str(_movie.out)
+
+
+def _is_of(scene: bpy.types.Scene, made: MovieJob) -> bool:
+    """Return whether a movie is one of the scene's clip."""
+    has_clip = bool(scene.virtual_aperture.footage)
+    return made.failure is None and has_clip and made.out == movie_path(scene)
+
+
+class VIRTUAL_APERTURE_OT_cancel_movie(bpy.types.Operator):  # noqa: N801
+    """End rendering the movie. Nothing of it is kept"""
+
+    bl_idname = "virtual_aperture.cancel_movie"
+    bl_label = "Cancel Movie"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        if under_way() is None:
+            cls.poll_message_set("No movie is being rendered")
+        return under_way() is not None
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        unregister()
+        self.report({"WARNING"}, "The movie was cancelled; nothing was written")
+        return {"FINISHED"}
+
+
+def unregister() -> None:
+    """End the movie that is under way."""
+    global _movie
+    if _movie is not None:
+        _movie.leave(_movie.clear)
+    _movie = None
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_cancel_movie,)

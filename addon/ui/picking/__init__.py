@@ -1,0 +1,1 @@
+"""Operators that take the mouse over the camera view or selected vertices."""

@@ -1,0 +1,105 @@
+"""The eyedropper of the focus: a click on the camera's picture puts what is there in focus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+
+from ...core.focus.place import Place, PlaceFinder
+from ...scene.base.timeline import clip_frame
+from ...scene.focus import focus_marks
+from ...scene.focus.clicks import place_at
+from ...scene.lens import aperture_cloud
+from ...scene.sources.shot import shot_of
+from ..base.operators import Result, reported
+from .pick_place import PicksPlaces
+from .pick_vertices import focus_on
+from .pick_view import XY
+
+
+class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: N801
+    """Click what should be in focus at the current frame, in the camera view.
+
+    Shift adds places, Ctrl removes them
+    """
+
+    bl_idname = "virtual_aperture.pick_focus"
+    bl_label = "Pick Focus"
+    # Not REGISTER: there is nothing to redo without the mouse.
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    add: bpy.props.BoolProperty(
+        name="Add Mark",
+        description="Add a second focus mark at the current frame instead of replacing the first, so that"
+        " focus is pulled to it",
+        options={"SKIP_SAVE"},
+    )
+    x: bpy.props.FloatProperty(
+        name="X",
+        description="Position from the left, as a fraction of the image width",
+        min=0,
+        max=1,
+        default=0.5,
+        options={"SKIP_SAVE"},
+    )
+    y: bpy.props.FloatProperty(
+        name="Y",
+        description="Position from the top, as a fraction of the image height",
+        min=0,
+        max=1,
+        default=0.5,
+        options={"SKIP_SAVE"},
+    )
+
+    hint = "Click: Set    Shift Click: Add Place    Ctrl Click: Remove Place    Enter: Confirm    ESC: Cancel"
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        scene = context.scene
+        finder = shot_of(scene).context.places(clip_frame(scene))
+        place = place_at(scene, finder, self.x, self.y)()
+        self.report({"INFO"}, focus_on(scene.virtual_aperture, clip_frame(scene), [place], self.add))
+        return {"FINISHED"}
+
+    def picked(self) -> list[Place]:
+        mark = self._mark()
+        places = list(focus_marks.places_of(mark)) if mark is not None and len(mark.places) else []
+        self._had_places = bool(places)
+        return places
+
+    def search(self, finder: PlaceFinder, at: XY) -> Callable[[], Place]:
+        taken = [place.marks.name for place in self._places if place.marks is not None]
+        return place_at(self._scene, finder, *at, taken, self._seen.append)
+
+    def took(self, context: bpy.types.Context, place: Place, shift: bool) -> Result:
+        if shift:
+            return self._keep(place)
+        self._places = [place]
+        return self.confirm(context)
+
+    def confirm(self, context: bpy.types.Context) -> Result:
+        self._end(context)
+        settings, frame = self._scene.virtual_aperture, clip_frame(self._scene)
+        if self._places:
+            self.report({"INFO"}, focus_on(settings, frame, self._places, self.add))
+            return {"FINISHED"}
+        mark = self._mark()
+        if mark is None or not self._had_places:
+            return {"CANCELLED"}
+        number = next(n for n, each in enumerate(settings.marks.items) if each == mark)
+        self.report({"INFO"}, f"Removed the focus mark at frame {mark.frame}")
+        focus_marks.remove(settings, number)
+        aperture_cloud.update(settings)
+        return {"FINISHED"}
+
+    def _mark(self) -> bpy.types.PropertyGroup | None:
+        """The mark that is picked again, if it is not a new one."""
+        settings = self._scene.virtual_aperture
+        here = focus_marks.at_frame(settings, clip_frame(self._scene))
+        if here is None and not self.add and len(settings.marks.items) == 1:
+            return settings.marks.items[0]
+        return here
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_pick_focus,)

@@ -1,0 +1,110 @@
+"""Operators that take the mouse over the camera's picture, until what is meant is picked."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ...core.base.errors import UserError
+from ...core.frame.clip_context import ClipContext
+from ...scene.base.remedy_words import WORDS
+from ...scene.sources.shot import shot_of
+from ..base.operators import Result, has_solve, is_met, may_change, reported
+from ..base.work import Work
+from .pick_view import CameraView, Overlay
+
+
+class PicksInView:
+    """A mixin of modal operators that draw an overlay over the camera view meanwhile."""
+
+    hint = ""
+    """The mouse and the keys, for the header of the view."""
+    cursor = "EYEDROPPER"
+    _running = False
+    """Class attribute of the mixin: only one works at a time."""
+    _timer: bpy.types.Timer | None = None
+    _work: Work[Any] | None = None
+    """The present computation: depth that must be found first takes seconds."""
+    _context: ClipContext
+    _scene: bpy.types.Scene
+    _view: CameraView
+    _overlay: Overlay
+
+    def overlay(self) -> Overlay:
+        """Return the drawing over the view."""
+        raise NotImplementedError
+
+    def begun(self, context: bpy.types.Context) -> None:
+        """Draw the overlay from now on."""
+        raise NotImplementedError
+
+    def on_event(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        """Handle the mouse and the keys; a UserError ends the operator."""
+        raise NotImplementedError
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_idle = is_met(cls, not PicksInView._running, "Something is being picked in the camera view")
+        return is_idle and may_change(cls, context) and has_solve(cls, context)
+
+    def invoke(self: Any, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        result: Result = self.execute(context) if bpy.app.background else self._begin(context)
+        return result
+
+    @reported
+    def _begin(self: Any, context: bpy.types.Context) -> Result:
+        scene, settings = context.scene, context.scene.virtual_aperture
+        if settings.points.mode == "EDIT":
+            # There only the mesh can be undone.
+            bpy.ops.object.mode_set(mode="OBJECT")
+        self._context = shot_of(scene).context
+        self._view, self._scene = CameraView.of(context), scene
+        self._overlay = self.overlay()
+        self._overlay.begin()
+        self.begun(context)
+        context.window.cursor_modal_set(self.cursor)
+        context.window_manager.modal_handler_add(self)
+        PicksInView._running = True
+        return {"RUNNING_MODAL"}
+
+    def modal(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        try:
+            result: Result = self.on_event(context, event)
+            return result
+        except UserError as error:
+            self._end(context)
+            self.report({"ERROR"}, error.worded(WORDS))
+            return {"CANCELLED"}
+        except Exception:
+            # Else the cursor would stay, and the next one be refused.
+            self._end(context)
+            raise
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when another file is loaded meanwhile."""
+        self._end(context)
+
+    def _say(self, text: str, keys: str | None = None) -> None:
+        """Show a line in the header of the view, with the keys."""
+        shown = (text, self.hint if keys is None else keys)
+        self._view.area.header_text_set("    ".join(filter(None, shown)))
+        self._view.area.tag_redraw()
+
+    def _stop(self, context: bpy.types.Context) -> None:
+        """Find no more."""
+        if self._work is not None:
+            self._work.cancel()
+            self._work = None
+            self._overlay.light_up(None)
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+
+    def _end(self, context: bpy.types.Context) -> None:
+        PicksInView._running = False
+        self._stop(context)
+        self._overlay.end()
+        self._view.area.header_text_set(None)
+        if context.window is not None:
+            context.window.cursor_modal_restore()

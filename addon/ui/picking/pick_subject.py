@@ -1,0 +1,279 @@
+"""Marking a subject by strokes over the camera's picture: the whole of it lights up."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...core.base.arrays import Mask
+from ...core.base.errors import UserError
+from ...core.base.progress import Cancelled
+from ...core.focus.picking import unsolved
+from ...core.frame.clip_context import ClipContext
+from ...core.subjects.carried import CarriedSubject
+from ...core.subjects.clip_subjects import united
+from ...core.subjects.strokes import MarkedSubject, Stroke, down, nearest_to, places_of, with_stroke
+from ...scene.base import redraw
+from ...scene.base.timeline import clip_frame
+from ...scene.sources import subjects
+from ...scene.sources.shot import reconstruction_of
+from ..base.operators import Result, reported, sentence
+from ..base.work import LOOK, Work
+from .pick_in_view import PicksInView
+from .pick_view import Overlay
+
+EXAMPLE = "0.44,0.26 0.45,0.5"
+NOTHING = "There is nothing to take away from yet"
+CORNERS = 5
+"""Corners of the stroke that marks a found person."""
+APART = 0.004
+"""Share of the picture between two corners of a stroke."""
+
+
+class LitUp:
+    """The known pixels of a subject in a frame."""
+
+    def __init__(self, carried: CarriedSubject, frame: int) -> None:
+        self.carried, self.frame = carried, frame
+        self.mask: Mask | None = None
+
+    def __call__(self) -> Mask:
+        for mask in self.carried.masks(self.frame):
+            self.mask = mask
+        assert self.mask is not None
+        return self.mask
+
+
+class Shown:
+    """People whom nobody has marked, in a frame in which a stroke may follow."""
+
+    def __init__(self, context: ClipContext, frame: int) -> None:
+        self.context, self.frame = context, frame
+        self.masks: dict[str, Mask] = {}
+        """(h, w) each of them."""
+        self.mask: Mask | None = None
+        """(h, w) all of them."""
+
+    def __call__(self) -> Mask | None:
+        self.masks = self.context.prepare_subject(self.frame)
+        if self.masks:
+            self.mask = united(list(self.masks.values()))
+        return self.mask
+
+    def marked(self, stroke: Stroke) -> tuple[Stroke, ...]:
+        """Strokes that mark the person whom a stroke is to correct; none where it is beside them all."""
+        person = nearest_to(stroke, self.masks) if stroke.frame == self.frame else None
+        return () if person is None else (Stroke(self.frame, down(self.masks[person], CORNERS)),)
+
+
+class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa: N801
+    """Draw a stroke over a moving subject, or click it.
+
+    All of it lights up, and is marked in all frames. Shift extends it, Ctrl takes parts away
+    """
+
+    bl_idname = "virtual_aperture.pick_subject"
+    bl_label = "Pick Subject"
+    # Not REGISTER: there is nothing to redo without the mouse.
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    new: bpy.props.BoolProperty(
+        name="New Subject",
+        description="Mark another subject instead of the active one",
+        options={"SKIP_SAVE"},
+    )
+    places: bpy.props.StringProperty(
+        name="Places",
+        description=f"Corners of the stroke as fractions of the image from the top left, such as {EXAMPLE}",
+        options={"SKIP_SAVE"},
+    )
+    extend: bpy.props.BoolProperty(
+        name="Extend",
+        description="Keep the strokes the subject has in the current frame",
+        options={"SKIP_SAVE"},
+    )
+    take_away: bpy.props.BoolProperty(
+        name="Take Away",
+        description="Remove what is under the stroke from the subject",
+        options={"SKIP_SAVE"},
+    )
+
+    hint = (
+        "Drag: Mark    Shift Drag: Extend    Ctrl Drag: Take Away    Enter, Right Click: Confirm"
+        "    ESC: Undo Last Stroke"
+    )
+    cursor = "PAINT_BRUSH"
+    _lit: LitUp | Shown | None = None
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        scene, settings = context.scene, context.scene.virtual_aperture
+        frame = clip_frame(scene)
+        try:
+            places = places_of(self.places.split())
+        except ValueError:
+            places = ()
+        if not places:
+            raise UserError(f"the stroke {self.places!r} is not valid; write places such as {EXAMPLE}")
+        if frame not in (solved := reconstruction_of(settings)).frames:
+            raise UserError(unsolved(solved, frame))
+        name, strokes = self._subject(settings)
+        made = with_stroke(strokes, Stroke(frame, places, not self.take_away), self.extend)
+        self._check(made)
+        subjects.set_strokes(settings, name, made)
+        redraw.panels()
+        self.report({"INFO"}, f"{name} is marked at frame {frame}")
+        return {"FINISHED"}
+
+    def _subject(self, settings: bpy.types.PropertyGroup) -> tuple[str, tuple[Stroke, ...]]:
+        """Name and strokes of the subject that is picked."""
+        active = None if self.new else subjects.active(settings)
+        if active is None:
+            return subjects.free_name(settings), ()
+        return active.name, subjects.strokes_of(active)
+
+    def _check(self, strokes: tuple[Stroke, ...]) -> None:
+        if not any(stroke.adds for stroke in strokes):
+            raise UserError("there is nothing to take away from yet; mark the subject first")
+
+    def overlay(self) -> Overlay:
+        return Overlay(self._view, self._scene, shows_points=False)
+
+    def begun(self, context: bpy.types.Context) -> None:
+        self._name, strokes = self._subject(self._scene.virtual_aperture)
+        self._steps = [strokes]
+        """The subject's strokes: as they were, and after each that was drawn."""
+        self._is_drawing, self._extends = False, False
+        self._light_up()
+        self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
+
+    def on_event(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        is_press = event.value == "PRESS"
+        if event.type == "TIMER":
+            self._look()
+        elif self._is_drawing:
+            return self._draw(event)
+        elif event.type == "ESC" and is_press:
+            return self._take_back(context)
+        elif event.type == "Z" and event.ctrl:
+            # An undo of Blender's own would pull the scene from under the strokes.
+            return {"RUNNING_MODAL"} if not is_press or event.shift else self._take_back(context, ends=False)
+        elif event.type in {"RET", "NUMPAD_ENTER", "RIGHTMOUSE"} and is_press:
+            return self._confirm(context)
+        elif event.type == "LEFTMOUSE" and is_press and self._view.holds(event):
+            self._press(event)
+            return {"RUNNING_MODAL"}
+        elif event.type == "MOUSEMOVE":
+            self._overlay.mouse = self._view.place(self._scene, event) if self._view.holds(event) else None
+            self._view.area.tag_redraw()
+        # The view may be moved, and another frame shown.
+        return {"PASS_THROUGH"}
+
+    def _press(self, event: bpy.types.Event) -> None:
+        at = self._view.place(self._scene, event)
+        frame = clip_frame(self._scene)
+        if not self._view.is_through_camera() or at is None:
+            self._say("Draw in the camera view (Numpad 0 looks through the camera)")
+        elif frame not in self._context.reconstruction.frames:
+            self._say(sentence(unsolved(self._context.reconstruction, frame)))
+        elif event.ctrl and not self._shown.masks and not any(stroke.adds for stroke in self._steps[-1]):
+            self._say(NOTHING)
+        else:
+            self._is_drawing, self._extends = True, event.shift
+            self._overlay.line, self._overlay.takes = [at], event.ctrl
+
+    def _draw(self, event: bpy.types.Event) -> Result:
+        overlay = self._overlay
+        if event.type == "ESC":
+            self._is_drawing, overlay.line = False, []
+        # Those between come where the window was busy.
+        elif event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE"}:
+            self._follow(event)
+        elif event.type == "LEFTMOUSE" and event.value == "RELEASE":
+            self._is_drawing = False
+            self._follow(event)
+            stroke = Stroke(clip_frame(self._scene), tuple(overlay.line), not overlay.takes)
+            known = self._steps[-1]
+            if not any(each.adds for each in known) and (self._extends or overlay.takes):
+                known = self._shown.marked(stroke)
+            if not stroke.adds and not known:
+                self._say(NOTHING)
+            else:
+                self._steps.append(with_stroke(known, stroke, self._extends))
+                self._light_up()
+            overlay.line = []
+        self._view.area.tag_redraw()
+        return {"RUNNING_MODAL"}
+
+    def _follow(self, event: bpy.types.Event) -> None:
+        """Draw the stroke on to where the mouse is."""
+        overlay, at = self._overlay, self._view.place(self._scene, event)
+        if at is None:
+            return
+        (x, y), overlay.mouse = overlay.line[-1], at
+        if max(abs(at[0] - x), abs(at[1] - y)) > APART:
+            overlay.line = [*overlay.line, at]
+
+    def _take_back(self, context: bpy.types.Context, ends: bool = True) -> Result:
+        """Forget the last stroke; without any, `ends` leaves all as it was."""
+        if len(self._steps) > 1:
+            self._steps.pop()
+            self._light_up()
+        elif ends:
+            self._end(context)
+            return {"CANCELLED"}
+        return {"RUNNING_MODAL"}
+
+    def _light_up(self) -> None:
+        """Find the subject in the frame that is shown now."""
+        if self._work is not None:
+            self._work.cancel()
+        frame, strokes = clip_frame(self._scene), self._steps[-1]
+        self._lit, self._frame = None, frame
+        self._overlay.strokes = [stroke for stroke in strokes if stroke.frame == frame]
+        self._say("")
+        self._shown = Shown(self._context, frame)
+        if frame not in self._context.reconstruction.frames:
+            self._overlay.light_up(None)
+            return
+        if any(each.adds for each in strokes):
+            self._lit = LitUp(self._context.carried(MarkedSubject(self._name, strokes)), frame)
+        else:
+            self._overlay.light_up(None)
+            self._lit = self._shown
+        self._work = Work(self._lit, after=self._work)
+
+    def _look(self) -> None:
+        """Show what the work has found meanwhile; UserError where it cannot go on."""
+        if self._frame != clip_frame(self._scene) and not self._is_drawing:
+            self._overlay.light_up(None)
+            self._light_up()
+        if self._lit is None or self._work is None:
+            return
+        if self._lit.mask is not None and self._lit.mask is not self._overlay.mask:
+            self._overlay.light_up(self._lit.mask)
+        if not self._work.ended():
+            if self._lit is not self._shown:
+                self._say(f"Finding {self._name} {self._work.stage}")
+            return
+        self._lit = None
+        self._say("")
+        if not isinstance(self._work.error, Cancelled):
+            self._overlay.light_up(self._work.result())
+
+    def _confirm(self, context: bpy.types.Context) -> Result:
+        """Write the strokes, each as one step of undo."""
+        self._end(context)
+        settings, drawn = self._scene.virtual_aperture, self._steps[1:]
+        if not drawn:
+            return {"CANCELLED"}
+        for number, strokes in enumerate(drawn):
+            subjects.set_strokes(settings, self._name, strokes)
+            if number + 1 < len(drawn):
+                bpy.ops.ed.undo_push(message=self.bl_label)
+        redraw.panels()
+        frames = sorted({stroke.frame for stroke in drawn[-1]})
+        self.report({"INFO"}, f"{self._name} is marked at frame {', '.join(map(str, frames))}")
+        return {"FINISHED"}
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_pick_subject,)
