@@ -19,7 +19,7 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.depth.source import DepthSource, PixelDepth
 from addon.core.frame.clip_context import ClipContext
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 
 FINER = 3
 """Parts of a pixel that lights are drawn by."""

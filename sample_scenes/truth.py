@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 from sample_scenes.cycles_views import render_to_array
 
 from .stage import Floats, Stage

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from addon.core.media.clip import to_linear
+from addon.core.media.light import to_linear
 from addon.core.optics.aperture_sampling import vogel_disc
 
 from . import planes

@@ -16,7 +16,7 @@ ACTS = {
         "core/frame/frame_path.py",
         "render/viewport/preview.py",
         "cli/main.py",
-        "cli/lens.py",
+        "cli/lens_options.py",
     },
 }
 """By example, where else it is read because it acts there: any option has such a place."""

@@ -19,7 +19,8 @@ from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.meshers import MESHERS
 from addon.core.frame.meshers.mesher import Mesher, Surface
 from addon.core.frame.plan import FrameOptions
-from addon.core.media.clip import open_footage, to_linear
+from addon.core.media.clip import open_footage
+from addon.core.media.light import to_linear
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.readers import Reader, read_reconstruction
 from addon.core.readers.colmap_export import write_model

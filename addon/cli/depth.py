@@ -22,7 +22,8 @@ from ..render.processes.blend_file import write_blend
 from ..render.views.gpu_views import start_gpu
 from ..scene.sources.shot import Shot, shot_of
 from .blend import is_blend, open_blend
-from .lens import add_moving, add_work, scene_of, set_moving, wanted_frames
+from .lens import scene_of, set_moving, wanted_frames
+from .lens_options import add_moving, add_work
 from .options import UsageError
 from .processes import add_jobs, sharing
 

@@ -20,7 +20,8 @@ from ..render.views.quiet import quiet
 from ..scene.base.paths import absolute
 from ..scene.sources.shot import shot_of
 from .blend import is_blend, open_blend
-from .lens import add_lens, add_work, check_lens, given_lens, say_lens, scene_of, set_lens, wanted_frames
+from .lens import say_lens, scene_of, set_lens, wanted_frames
+from .lens_options import add_lens, add_work, check_lens, given_lens
 from .options import UsageError
 from .paths import path
 

@@ -31,19 +31,8 @@ from ..scene.sources.shot import reconstruction_of
 from . import NAME
 from .aperture import image_of, with_image
 from .blend import is_blend, open_blend
-from .lens import (
-    add_lens,
-    add_work,
-    check_lens,
-    check_numbers,
-    given_lens,
-    has_focus,
-    movie_frames,
-    say_lens,
-    scene_of,
-    set_lens,
-    write_lens,
-)
+from .lens import movie_frames, say_lens, scene_of, set_lens
+from .lens_options import add_lens, add_work, check_lens, check_numbers, given_lens, has_focus, write_lens
 from .options import whole
 from .paths import path
 from .save import copied, copy_beside

@@ -25,7 +25,8 @@ from ..render.views.quiet import quiet
 from ..scene.base.timeline import go_to
 from ..scene.lens.lens import frame_options
 from ..scene.sources.shot import shot_of
-from .lens import add_lens, check_numbers, say_lens, scene_of, set_lens
+from .lens import say_lens, scene_of, set_lens
+from .lens_options import add_lens, check_numbers
 from .options import whole
 from .paths import path
 

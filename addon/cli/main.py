@@ -32,29 +32,22 @@ from ..render.processes.blend_file import write_blend
 from ..render.processes.launcher import JOB
 from ..render.views.gpu_views import check_gpu
 from ..render.views.quiet import quiet
-from ..scene import properties
+from ..scene import clip_properties, lens_properties, preview_properties, properties
 from ..scene.base.paths import absolute
 from ..scene.ignored import unseen
 from ..scene.sources.shot import shot_of
 from . import depth, export, farm, inspect, save, solve
 from .blend import is_blend, open_blend
 from .engine_jobs import read_job
-from .lens import (
-    add_lens,
-    add_work,
-    all_frames,
-    check_lens,
-    check_numbers,
-    movie_frames,
-    say_lens,
-    scene_of,
-    set_lens,
-    wanted_frames,
-)
+from .lens import all_frames, movie_frames, say_lens, scene_of, set_lens, wanted_frames
+from .lens_options import add_lens, add_work, check_lens, check_numbers
 from .options import Parser, UsageError
 from .paths import path
 from .processes import add_jobs, sharing
 from .words import SOLVED_WORDS, WORDS
+
+CALLBACKS = {each.__file__ for each in (properties, clip_properties, lens_properties, preview_properties)}
+"""Files of the callbacks of properties."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -332,7 +325,7 @@ def _is_called_by_blender(frame: FrameType | None) -> bool:
     # Not all that stands in their files: loops do that are to end.
     called = {getattr(handler, "__code__", None) for handler in handlers}
     return any(
-        caller.f_code in called or caller.f_code.co_filename == properties.__file__
+        caller.f_code in called or caller.f_code.co_filename in CALLBACKS
         for caller, _ in traceback.walk_stack(frame)
     )
 

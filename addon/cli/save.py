@@ -21,16 +21,8 @@ from ..render.processes.blend_file import write_blend
 from ..scene.base.paths import absolute
 from ..scene.build import move_clip
 from ..scene.properties import VirtualApertureSettings
-from .lens import (
-    add_lens,
-    check_numbers,
-    has_focus,
-    movie_frames,
-    read_lens,
-    say_lens,
-    scene_of,
-    set_lens,
-)
+from .lens import movie_frames, say_lens, scene_of, set_lens
+from .lens_options import add_lens, check_numbers, has_focus, read_lens
 from .options import UsageError
 from .paths import path
 

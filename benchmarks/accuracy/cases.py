@@ -21,7 +21,8 @@ from addon.core.focus.focus import Focus
 from addon.core.focus.picking import pick
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import RESTORED, HighlightSettings
-from addon.core.media.clip import open_footage, to_gray8, to_linear
+from addon.core.media.clip import open_footage
+from addon.core.media.light import to_gray8, to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.tracking.klt import new_corners
 from addon.core.sfm.workspace import load_solve

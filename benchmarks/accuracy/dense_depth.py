@@ -22,7 +22,8 @@ from addon.core.camera.reconstruction import Points, Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
 from addon.core.depth.sparse import frame_features
 from addon.core.depth.temporal_fusion import TemporalFusion
-from addon.core.media.clip import Footage, open_footage, to_gray8
+from addon.core.media.clip import Footage, open_footage
+from addon.core.media.light import to_gray8
 from addon.core.sfm.state import STATE
 from addon.core.sfm.tracking.klt import new_corners
 from addon.core.sfm.workspace import load_solve

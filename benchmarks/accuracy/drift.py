@@ -24,7 +24,7 @@ from addon.core.frame.frame_path import Drawn, warp_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.inspection import SOURCES
 from addon.core.frame.plan import FrameOptions
-from addon.core.media.clip import encode_srgb, to_linear
+from addon.core.media.light import encode_srgb, to_linear
 from addon.core.warp import disocclusion_fill
 from addon.core.warp.source_view import Places, SourceView
 from addon.render.views.average import draw_mean, draw_shares

@@ -38,7 +38,8 @@ from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
-from addon.core.media.clip import encode_srgb, open_footage, to_linear
+from addon.core.media.clip import open_footage
+from addon.core.media.light import encode_srgb, to_linear
 from addon.render.views.average import render_frame
 
 from ..gallery import metrics

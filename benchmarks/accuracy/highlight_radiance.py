@@ -25,7 +25,8 @@ from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import HighlightSettings
-from addon.core.media.clip import encode_srgb, open_footage, to_linear
+from addon.core.media.clip import open_footage
+from addon.core.media.light import encode_srgb, to_linear
 from addon.core.warp.clipped_blobs import clipped_blobs, point_spread
 from addon.core.warp.footprint import disc_kernel
 from addon.core.warp.highlight_kinds import RADIANCES as TRIED

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from addon.core.base.errors import UserError
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 
 from .. import store
 from ..cost import Cost, measured

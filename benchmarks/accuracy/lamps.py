@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
-from addon.core.media.clip import Footage, encode_srgb, open_footage
+from addon.core.media.clip import Footage, open_footage
+from addon.core.media.light import encode_srgb
 from addon.render.views.quiet import quiet
 from sample_scenes import truth
 from sample_scenes.shapes import sphere

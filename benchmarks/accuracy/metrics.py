@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.metrics import structural_similarity
 
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 
 Picture = NDArray[np.float32]
 Floats = NDArray[np.float64]

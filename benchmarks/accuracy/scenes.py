@@ -16,7 +16,7 @@ from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.map_fusion import BEYOND, BORDER, FusionOptions, level_of, past_border
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.reprojection import in_place
-from addon.core.media.clip import decode_srgb, encode_srgb
+from addon.core.media.light import decode_srgb, encode_srgb
 from addon.render.views.quiet import quiet
 from sample_scenes import filming, staging, truth
 from sample_scenes.stage import Stage

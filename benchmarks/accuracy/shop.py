@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.media.clip import to_linear
+from addon.core.media.light import to_linear
 from sample_scenes.truth import Picture
 
 from .. import store

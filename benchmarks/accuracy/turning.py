@@ -17,7 +17,8 @@ from addon.core.depth.user_depth import UserDepth
 from addon.core.depth.user_maps import open_depth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.media.clip import open_footage, to_linear
+from addon.core.media.clip import open_footage
+from addon.core.media.light import to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
 

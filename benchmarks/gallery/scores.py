@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.media.clip import encode_srgb
 from addon.core.media.colour_space import ColourSpace
+from addon.core.media.light import encode_srgb
 
 from .. import store
 from ..accuracy.mask_metrics import iou

@@ -17,7 +17,8 @@ from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.depth.sparse import FrameFeatures, frame_features
 from addon.core.focus.focus import Focus
 from addon.core.focus.picking import pick
-from addon.core.media.clip import Footage, open_footage, to_linear
+from addon.core.media.clip import Footage, open_footage
+from addon.core.media.light import to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import Solve, load_solve
 from addon.render.views.quiet import quiet

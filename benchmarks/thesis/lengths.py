@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from addon.core.base.arrays import Floats, Ints
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.media.clip import Footage, to_gray8
+from addon.core.media.clip import Footage
+from addon.core.media.light import to_gray8
 from addon.core.sfm.tracking.klt import follow
 from sample_scenes.stage import Edge, Stage
 

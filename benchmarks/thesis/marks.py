@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from addon.core.base.arrays import Floats, Ints
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 
 Picture = NDArray[np.uint8]
 Colour = tuple[int, int, int]

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.media.clip import to_linear
+from addon.core.media.light import to_linear
 from benchmarks.accuracy.defocus import defocus
 from benchmarks.accuracy.metrics import psnr
 from benchmarks.accuracy.scatter import disc_kernel, layer_discs, scatter

@@ -14,7 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
-from addon.core.media.clip import Footage, decode_srgb, open_footage
+from addon.core.media.clip import Footage, open_footage
+from addon.core.media.light import decode_srgb
 from addon.core.sfm.workspace import Solve
 from benchmarks.thesis import __main__ as figures
 from benchmarks.thesis import edges, front_ends, plots, points, views

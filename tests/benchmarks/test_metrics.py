@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.media.clip import decode_srgb
+from addon.core.media.light import decode_srgb
 from benchmarks.accuracy import metrics
 
 NOTHING = np.zeros((16, 16), dtype=bool)

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 from benchmarks.accuracy import turning
 from sample_scenes import filming, gloss, staging, truth
 from sample_scenes.stage import HEIGHT, WIDTH, Stage

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from addon.core.frame.clip_context import ClipContext
-from addon.core.media.clip import open_footage, to_linear
+from addon.core.media.clip import open_footage
+from addon.core.media.light import to_linear
 from benchmarks import store
 from benchmarks.accuracy import metrics, report, subjects
 from benchmarks.accuracy.cases import FromVideo, GroundTruth, TrueDepth

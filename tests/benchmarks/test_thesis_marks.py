@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image as Pil
 
-from addon.core.media.clip import Footage, decode_srgb, open_footage
+from addon.core.media.clip import Footage, open_footage
+from addon.core.media.light import decode_srgb
 from addon.core.sfm.tracking.tracks import Tracks
 from benchmarks.thesis import front_ends
 from benchmarks.thesis import marks as draw

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from addon.core.frame.passes import INFINITE
-from addon.core.media.clip import to_linear
 from addon.core.media.exr_file import write_exr
+from addon.core.media.light import to_linear
 
 from ..command_line import done, here
 from ..exr import channels

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.media.clip import decode_srgb, open_footage
+from addon.core.media.clip import open_footage
+from addon.core.media.light import decode_srgb
 from addon.core.media.picture_file import read_picture
 from addon.scene.sources import colour_space
 

@@ -11,7 +11,7 @@ import pytest
 
 from addon.cli.main import run_command
 from addon.core.focus.focus import Focus, largest_discs
-from addon.core.media.clip import encode_srgb, to_linear
+from addon.core.media.light import encode_srgb, to_linear
 
 from ..scenes import LENS, slanted_plane, write_frames
 from .tracked_plane import FRAMES, imported, run, work

@@ -14,9 +14,10 @@ from addon.core.base.errors import UserError
 from addon.core.depth.depth_network import DepthNetwork
 from addon.core.depth.map_fit import fit_clip, fit_depth
 from addon.core.depth.user_maps import open_depth
-from addon.core.media.clip import Footage, FrameRange, decode_srgb, open_footage
+from addon.core.media.clip import Footage, FrameRange, open_footage
 from addon.core.media.clip_identity import clip_digest
 from addon.core.media.copying import copy_pictures
+from addon.core.media.light import decode_srgb
 from addon.core.media.masks import open_masks
 
 from ..onnx_files import Side, network, node

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from addon.core.depth.exposure import CLIPPED, exposed_as
-from addon.core.media.clip import decode_srgb, encode_srgb
+from addon.core.media.light import decode_srgb, encode_srgb
 
 
 def filmed(light: np.ndarray) -> np.ndarray:

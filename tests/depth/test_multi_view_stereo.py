@@ -15,7 +15,7 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo, StereoOptions
 from addon.core.depth.view_selection import SelectionOptions, parallaxes, select_source_views
-from addon.core.media.clip import decode_srgb, encode_srgb
+from addon.core.media.light import decode_srgb, encode_srgb
 
 from .. import planes
 from ..planes import CENTRES, HEIGHT, LENS, MIDDLE, RANGE, WIDTH, clip, features, poses, truth

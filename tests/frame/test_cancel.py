@@ -13,7 +13,8 @@ from addon.core.focus.focus import Focus
 from addon.core.frame.frame_path import warp_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame
-from addon.core.media.clip import open_footage, to_linear
+from addon.core.media.clip import open_footage
+from addon.core.media.light import to_linear
 from addon.scene.sources.shot import Shot
 
 from .. import planes

@@ -12,7 +12,7 @@ from addon.core.camera.reconstruction import MEDIAN_DEPTH, Image, Points, Recons
 from addon.core.depth.flat_scene import ORIGIN
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import HighlightSettings
-from addon.core.media.clip import to_linear
+from addon.core.media.light import to_linear
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 
 from .. import planes

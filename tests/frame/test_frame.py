@@ -17,7 +17,7 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.frame_path import FEWEST_SURE, warp_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame
-from addon.core.media.clip import to_linear
+from addon.core.media.light import to_linear
 
 from ..scenes import slanted_plane, texture
 

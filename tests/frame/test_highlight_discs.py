@@ -21,7 +21,7 @@ from addon.core.frame.highlight_discs import BRIGHT, MOST, TrackedDepth, without
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame
-from addon.core.media.clip import to_linear
+from addon.core.media.light import to_linear
 from addon.core.optics.aperture import Aperture
 
 from .. import planes

@@ -12,7 +12,7 @@ from addon.core.base.options import check
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.highlights import RESTORED, HighlightSettings
-from addon.core.media.clip import decode_srgb, encode_srgb, to_linear
+from addon.core.media.light import decode_srgb, encode_srgb, to_linear
 from addon.core.media.picture_file import Pixels
 from addon.core.warp.clipped_blobs import clipped_blobs, point_spread
 

@@ -28,7 +28,7 @@ from addon.core.frame.inspection import (
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.report import Used, frame_report, summary
 from addon.core.frame.warped_frame import WarpedFrame
-from addon.core.media.clip import to_linear
+from addon.core.media.light import to_linear
 from addon.core.warp.layered_depth_image import Fill
 from addon.core.warp.layered_mesh import LayeredMeshOptions
 from addon.core.warp.quadtree import triangulate

@@ -14,7 +14,7 @@ from addon.core.base.arrays import LinearRGBA
 from addon.core.depth.depth_store import DepthStore
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.highlights import RESTORED
-from addon.core.media.clip import to_linear
+from addon.core.media.light import to_linear
 from addon.core.media.picture_file import Pixels
 from addon.core.warp import clipped_blobs as blobs
 from addon.core.warp.highlights import lamps

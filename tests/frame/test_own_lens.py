@@ -12,7 +12,7 @@ import pytest
 from addon.core.base.arrays import Floats, Map
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.frame.own_lens import OwnLens, edge_variances, own_lens
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 from addon.core.media.picture_file import Pixels
 from addon.core.optics.thin_lens import ThinLens
 

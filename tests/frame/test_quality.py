@@ -22,7 +22,7 @@ from addon.core.frame.frame_path import Drawn, mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL, QUALITIES, Quality
 from addon.core.frame.warped_frame import forecast
-from addon.core.media.clip import to_linear
+from addon.core.media.light import to_linear
 from addon.render.views.average import render_frame
 
 from ..scenes import psnr, slanted_plane, texture

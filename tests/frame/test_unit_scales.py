@@ -18,7 +18,7 @@ from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.warped_frame import FrameOptions, WarpedFrame
-from addon.core.media.clip import to_linear
+from addon.core.media.light import to_linear
 from addon.render.views.average import draw_mean, render_frame
 from sample_scenes import cycles_views
 

@@ -17,7 +17,7 @@ from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.view_error import FIRST, PILOT, difference, other_views, views_for_error, views_to_error
 from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
-from addon.core.media.clip import encode_srgb, to_linear
+from addon.core.media.light import encode_srgb, to_linear
 from addon.core.optics.aperture_sampling import MAX_VIEWS, views_needed
 from addon.render.views.average import draw_mean
 from addon.render.views.gpu_views import gpu_problem

@@ -9,16 +9,8 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.media.clip import (
-    BRIGHTEST,
-    FrameRange,
-    decode_srgb,
-    encode_srgb,
-    finite,
-    open_footage,
-    to_gray8,
-    to_linear,
-)
+from addon.core.media.clip import FrameRange, open_footage
+from addon.core.media.light import BRIGHTEST, decode_srgb, encode_srgb, finite, to_gray8, to_linear
 from addon.core.media.picture_file import decode_picture
 
 from ..exr_files import of_channels

@@ -13,8 +13,9 @@ import pytest
 
 from addon.core.base.errors import Remedy, UserError
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.media.clip import FrameRange, open_footage, to_linear
+from addon.core.media.clip import FrameRange, open_footage
 from addon.core.media.container import equivalent_focal
+from addon.core.media.light import to_linear
 from addon.core.media.sequence import LAST_FRAME
 from addon.core.media.video_info import VideoInfo
 from addon.render.output import movie_file

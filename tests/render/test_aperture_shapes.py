@@ -19,7 +19,7 @@ from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.highlights import RESTORED, HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import MeshedFrame
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 from addon.core.optics.aperture import Aperture, ApertureImage
 from addon.core.optics.registration import exact_registration
 from addon.render.views.average import draw_mean

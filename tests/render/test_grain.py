@@ -17,7 +17,7 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 from addon.core.media.picture_file import Pixels
 from addon.render.views.average import render_frame
 

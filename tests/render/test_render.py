@@ -16,7 +16,7 @@ from addon.core.base.progress import Cancelled, reporting
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.frame.plan import FrameOptions, FramePlan
-from addon.core.media.clip import to_linear
+from addon.core.media.light import to_linear
 from addon.core.optics.aperture import Aperture
 from addon.render import engine
 from addon.render.views import gpu_views

@@ -18,7 +18,8 @@ from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.steadied import Steadied
 from addon.core.frame.warped_frame import WarpedFrame
-from addon.core.media.clip import open_footage, to_linear
+from addon.core.media.clip import open_footage
+from addon.core.media.light import to_linear
 from addon.render.views.average import render_frame
 
 from ..scenes import plane_picture, psnr, slanted_plane, write_plane

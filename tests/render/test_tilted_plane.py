@@ -21,7 +21,7 @@ from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.inspection import blur_discs
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import MeshedFrame
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.render.views.average import draw_mean
 from addon.render.views.gpu_views import gpu_problem

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.media.clip import open_footage, to_linear
+from addon.core.media.clip import open_footage
 from addon.core.media.colour_space import of_tags
+from addon.core.media.light import to_linear
 from addon.scene.sources import colour_space
 from tests.media.colour_curves import HLG, LOGS, PQ, Array, Recorded, write_clip
 

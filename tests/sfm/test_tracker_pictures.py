@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from addon.core.base.messages import Seen, decode, encode
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 from addon.core.sfm.tracking import tracker_pictures
 from addon.core.sfm.tracking.tracker_pictures import MOST, WIDTH, Watch, decoded, encoded
 

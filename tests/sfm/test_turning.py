@@ -19,7 +19,8 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.frame_path import warp_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
-from addon.core.media.clip import Footage, open_footage, to_linear
+from addon.core.media.clip import Footage, open_footage
+from addon.core.media.light import to_linear
 from addon.core.sfm.adjustment import solution
 from addon.core.sfm.calibration.rotation import turned
 from addon.core.sfm.process import SolveProcess

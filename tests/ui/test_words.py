@@ -24,7 +24,7 @@ SHARED = [
     for path in sorted(Path(addon.__file__).parent.joinpath(folder).rglob("*.py"))
     # Their strings are arguments of other processes.
     if path.name not in ("background.py", "launcher.py", "movie.py")
-    and path.parts[-2:] != ("ui", "export.py")
+    and path.parts[-3:] != ("ui", "jobs", "export.py")
 ]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.media.clip import decode_srgb, to_linear
+from addon.core.media.light import decode_srgb, to_linear
 from addon.core.warp.disocclusion_fill import DisocclusionFill
 from addon.core.warp.source_view import Places, SourceView
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Image, Intrinsics, Reconstruction
-from addon.core.media.clip import decode_srgb
+from addon.core.media.light import decode_srgb
 
 from ..media.colour_curves import Recorded, write_clip
 from ..scenes import slanted_plane, texture

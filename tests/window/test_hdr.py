@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.media.clip import encode_srgb
+from addon.core.media.light import encode_srgb
 
 from ..media.colour_curves import HLG
 from ..scenes import texture

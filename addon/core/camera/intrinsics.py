@@ -15,6 +15,7 @@ import numpy as np
 from ..base.errors import UserError
 from . import distortion
 from .distortion import Floats
+from .rolling_shutter import RollingShutter
 
 MAX_SIDE = 1_000_000
 """Pixels; a larger picture is damage, not a picture."""
@@ -125,7 +126,7 @@ class Intrinsics:
         rate = np.asarray(self.readout) / [self.width, self.height]
         start = float(rate @ (self.principal_point - np.array([self.width, self.height]) / 2))
         across, down = (rate * self.focal).tolist()
-        return (distortion.RollingShutter(lens, self.turn, (across, down), start),)
+        return (RollingShutter(lens, self.turn, (across, down), start),)
 
     @property
     def is_distorted(self) -> bool:

@@ -15,7 +15,6 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints
 from ..base.errors import UserError
-from .distortion import turned
 from .intrinsics import Intrinsics
 from .reconstruction import (
     Image,
@@ -24,6 +23,7 @@ from .reconstruction import (
     quaternion_from_matrix,
     seen_by,
 )
+from .rolling_shutter import turned
 
 PERIOD = 60.0
 """Frames of the period of a shake that is halved by a strength of 1/2: two seconds, as steps and breath take

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ..base.errors import UserError
 from ..base.progress import checkpoint
 from ..base.regular_file import read_regular
-from ..media.clip import Footage, encode_srgb, finite
+from ..media.clip import Footage
+from ..media.light import encode_srgb, finite
 from ..media.packed_pictures import PackedPictures
 from ..media.picture_file import Pixels, grey
 

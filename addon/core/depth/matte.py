@@ -8,7 +8,7 @@ import numpy as np
 from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..base.nearest_fill import of_nearest
 from ..camera.canvas import Canvas
-from ..media.clip import encode_srgb
+from ..media.light import encode_srgb
 from .source import FAINTEST
 
 VOTES = 2

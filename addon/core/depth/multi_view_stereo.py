@@ -17,7 +17,7 @@ from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
-from ..media.clip import encode_srgb
+from ..media.light import encode_srgb
 from ..media.picture_file import Pixels
 from .completion import interpolate, smooth, splat
 from .matching import Features, Matcher, matched_levels, winning_levels

@@ -13,7 +13,7 @@ from ..base.arrays import Bytes, Floats
 from ..base.progress import checkpoint
 from ..camera.reconstruction import Reconstruction
 from ..depth.source import NO_PICTURE, DepthSource
-from ..media.clip import to_gray8
+from ..media.light import to_gray8
 from ..media.picture_file import Pixels
 
 # Chosen by inspection of the tram behind the fence of the sample scene `fence` and of the moving card of

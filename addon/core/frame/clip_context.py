@@ -28,7 +28,7 @@ from ..depth.stereo_depth import NoDepth, StereoDepth
 from ..depth.temporal_fusion import TemporalFusion
 from ..focus.place import Place, PlaceFinder
 from ..focus.subject import subject_place
-from ..media.clip import to_linear
+from ..media.light import to_linear
 from ..media.noise import Noise, measured
 from ..media.picture_file import Pixels
 from ..subjects.carried import CarriedSubject

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..base.arrays import LinearRGB, LinearRGBA, Map
 from ..camera.canvas import Canvas
-from ..media.clip import decode_srgb, encode_srgb
+from ..media.light import decode_srgb, encode_srgb
 from ..media.noise import AXES, Noise
 from ..warp.mesh import WarpMesh
 from .detail import painted

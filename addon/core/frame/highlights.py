@@ -20,7 +20,7 @@ from ..base.options import option
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
 from ..depth.depth_store import DepthStore
 from ..depth.view_selection import every_nth, relative_pose, stride
-from ..media.clip import to_linear
+from ..media.light import to_linear
 from ..media.picture_file import Pixels
 from ..warp.clipped_blobs import Blobs, clipped_blobs
 from ..warp.highlight_kinds import RADIANCES, Lamps, kinds_of

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, LinearRGBA, Mask
 from ..camera.canvas import Canvas
-from ..media.clip import encode_srgb
+from ..media.light import encode_srgb
 from ..optics.aperture_sampling import vogel_disc
 from ..optics.registration import exact_registration
 from ..warp.layered_depth_image import LayeredDepthImage

@@ -19,7 +19,7 @@ from ..base.arrays import Floats, Map
 from ..camera.reconstruction import Reconstruction
 from ..depth.source import PixelDepth
 from ..depth.sparse import frame_features
-from ..media.clip import to_linear
+from ..media.light import to_linear
 from ..media.picture_file import Pixels
 from ..optics.thin_lens import ThinLens
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA
 from ..base.progress import stage
-from ..media.clip import encode_srgb
+from ..media.light import encode_srgb
 from ..optics.aperture_sampling import MAX_VIEWS
 from .warped_frame import MeshedFrame, WarpedFrame
 

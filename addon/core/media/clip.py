@@ -14,14 +14,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-import cv2
-import numpy as np
-from numpy.typing import NDArray
-
 from ..base.counting import common_step, ordinal
 from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
-from ..base.nearest_fill import nearest
 from ..base.regular_file import open_regular, regular_stat
 from .colour_space import SRGB
 from .exr_parts import read_header
@@ -42,8 +37,6 @@ MOST_STILLS = 100
 """Photos that can be matched each with all others: the pairs take a quarter of a second each."""
 DEPTH_MAP = "depth map"
 """Name of a picture with depth beside a clip (`Footage.beside`)."""
-BRIGHTEST = 65504.0
-"""The largest number that a half float holds: sums over hundreds of views of it stay finite."""
 
 
 @dataclass(frozen=True)
@@ -284,68 +277,6 @@ def describe(frames: Sequence[int]) -> str:
     missing = frames[-1] - frames[0] + 1 - len(frames)
     gaps = f" with {missing} missing" if missing else ""
     return f"frames {frames[0]} to {frames[-1]}{gaps}" if len(frames) > 1 else f"frame {frames[0]}"
-
-
-def finite(picture: Pixels) -> tuple[Pixels, int]:
-    """Return a picture (H, W, 3 or 4) with finite floats, and the number of corrected pixels.
-
-    A pixel that is not finite takes the value of the nearest finite one. Floats are cut at 0 and `BRIGHTEST`.
-    """
-    if picture.dtype != np.float32:
-        return picture, 0
-    known = np.isfinite(picture).all(axis=2)
-    filled = nearest(np.where(known[..., None], picture, np.float32(0)), known)
-    return np.asarray(np.clip(filled, 0, BRIGHTEST), np.float32), int(np.count_nonzero(~known))
-
-
-def to_linear(picture: Pixels) -> NDArray[np.float32]:
-    """Return (H, W, 3 or 4) as stored -> (H, W, 4) float32, scene linear Rec.709, premultiplied alpha.
-
-    Integers are sRGB encoded (IEC 61966-2-1), floats linear already. EXR is premultiplied in the file.
-    """
-    if picture.dtype == np.float32:
-        colour = np.ascontiguousarray(picture[..., :3], dtype=np.float32)
-    else:
-        top = 255 if picture.dtype == np.uint8 else 65535
-        table = decode_srgb(np.arange(top + 1) / top).astype(np.float32)
-        whole = np.ascontiguousarray(picture[..., :3])
-        # OpenCV's has 256 entries, and takes a quarter of the time.
-        colour = np.asarray(cv2.LUT(whole, table), np.float32) if top == 255 else table[whole]
-    out = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2RGBA), np.float32)
-    if picture.shape[2] == 4:
-        if picture.dtype == np.float32:
-            out[..., 3] = picture[..., 3]
-        else:
-            out[..., 3] = picture[..., 3].astype(np.float32) / (255 if picture.dtype == np.uint8 else 65535)
-            out[..., :3] *= out[..., 3:]
-    return out
-
-
-def to_rgb8(picture: Pixels) -> NDArray[np.uint8]:
-    """Return (H, W, 3 or 4) as stored -> (H, W, 3) uint8, display-encoded."""
-    if picture.dtype == np.float32:
-        encoded = encode_srgb(np.clip(np.nan_to_num(picture[..., :3]), 0, 1))
-        return np.round(encoded * 255).astype(np.uint8)
-    if picture.dtype == np.uint16:
-        return (np.asarray(picture[..., :3], dtype=np.uint16) >> 8).astype(np.uint8)
-    return np.ascontiguousarray(picture[..., :3], dtype=np.uint8)
-
-
-def to_gray8(picture: Pixels) -> NDArray[np.uint8]:
-    """Return (H, W, 3 or 4) as stored -> (H, W) uint8 display-encoded luma, for tracking."""
-    return np.asarray(cv2.cvtColor(to_rgb8(picture), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-
-
-def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Convert linear light in [0, 1], of any shape, to display values in [0, 1] (IEC 61966-2-1)."""
-    return np.where(
-        linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
-    )
-
-
-def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Convert display values in [0, 1], of any shape, to linear light in [0, 1] (IEC 61966-2-1)."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 def _open_sequence(path: Path, fps: float | None, stills: bool, beside: str) -> Footage:

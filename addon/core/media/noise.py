@@ -22,7 +22,7 @@ import numpy as np
 
 from ..base.arrays import Floats, Map
 from ..base.progress import checkpoint
-from .clip import encode_srgb, to_gray8
+from .light import encode_srgb, to_gray8
 from .picture_file import Pixels
 
 BLOCK = 24

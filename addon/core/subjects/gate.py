@@ -19,7 +19,7 @@ from ..base.progress import checkpoint
 from ..camera.intrinsics import Intrinsics
 from ..camera.reconstruction import Image, Reconstruction
 from ..depth.view_selection import relative_pose
-from ..media.clip import to_gray8
+from ..media.light import to_gray8
 from ..media.picture_file import Pixels
 
 LONG_SIDE = 480

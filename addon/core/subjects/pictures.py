@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.arrays import Bytes
 from ..base.lru_cache import LRUCache
-from ..media.clip import encode_srgb
+from ..media.light import encode_srgb
 from ..media.picture_file import Pixels
 from .flow import ClipFlow
 

@@ -19,7 +19,7 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
 from ..depth.source import extended
 from ..depth.view_selection import every_nth, stride
-from ..media.clip import to_linear
+from ..media.light import to_linear
 from ..media.picture_file import Pixels
 from .bilateral_grid import BilateralGrid
 from .source_view import CHUNK, Places, Reprojection, SourceView

@@ -32,7 +32,7 @@ from ...core.frame.inspection import picture as inspected
 from ...core.frame.meshers import MESHERS
 from ...core.frame.plan import FrameOptions
 from ...core.frame.quality import DRAFT, FINAL, FIRST_LOOK, NORMAL
-from ...core.media.clip import to_linear
+from ...core.media.light import to_linear
 from ...scene.base.remedy_words import WORDS
 from ...scene.sources.shot import Shot
 from ..cg import cg_preview

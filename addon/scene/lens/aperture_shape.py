@@ -12,7 +12,7 @@ from bpy.props import StringProperty
 
 from ...core.base.arrays import Map
 from ...core.frame.options import APERTURE_OPTIONS
-from ...core.media.clip import to_linear
+from ...core.media.light import to_linear
 from ...core.media.picture_file import read_picture
 from ...core.optics.aperture import FINEST, Aperture, ApertureImage
 from ..base.option_properties import values_of, with_options

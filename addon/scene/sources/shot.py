@@ -21,9 +21,10 @@ from ...core.depth.user_depth import UserDepth
 from ...core.depth.user_maps import open_depth
 from ...core.frame.clip_context import ClipContext
 from ...core.frame.quality import Quality
-from ...core.media.clip import Footage, finite, open_footage
+from ...core.media.clip import Footage, open_footage
 from ...core.media.clip_identity import clip_digest, identity
 from ...core.media.colour_space import ColourSpace
+from ...core.media.light import finite
 from ...core.media.masks import Masks, open_masks
 from ...core.media.picture_file import Pixels
 from ...core.sfm.state import STATE

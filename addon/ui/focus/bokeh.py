@@ -13,7 +13,7 @@ import numpy as np
 
 from ...core.base.errors import UserError
 from ...core.frame.options import APERTURE_OPTIONS
-from ...core.media.clip import encode_srgb
+from ...core.media.light import encode_srgb
 from ...core.optics.aperture import Aperture
 from ...core.optics.bokeh import bokeh_picture
 from ...scene.lens.aperture_shape import aperture_image

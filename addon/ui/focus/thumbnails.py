@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.base.errors import UserError
-from ...core.media.clip import encode_srgb, to_linear
+from ...core.media.light import encode_srgb, to_linear
 from ...render.views.gpu_views import upload
 from ...scene.base import redraw
 from ...scene.sources.shot import shot_of

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Ints, Map, Mask
 from ...camera.reconstruction import Image, Reconstruction, seen_by
-from ...media.clip import Footage, to_gray8
+from ...media.clip import Footage
+from ...media.light import to_gray8
 from ...media.picture_file import Pixels
 from ..tracking.template_tracking import sample, square
 from ..tracking.tracks import LONG_SIDE, Progress

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ...base.arrays import Bytes, Floats, Ints
 from ...base.counting import counted
 from ...base.errors import UserError
-from ...media.clip import MOST_STILLS, Footage, to_gray8
+from ...media.clip import MOST_STILLS, Footage
+from ...media.light import to_gray8
 from ...media.picture_file import Pixels
 from .sift import Descriptors, keypoints, make_sift, matched
 from .tracks import Progress

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Bytes, Floats
 from ...base.messages import Seen
-from ...media.clip import to_rgb8
+from ...media.light import to_rgb8
 from ...media.picture_file import Pixels
 
 WIDTH, MOST = 480, 500

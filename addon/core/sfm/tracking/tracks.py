@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ...base.arrays import Bytes, Floats, Ints
 from ...base.counting import counted
 from ...base.errors import Remedy, UserError
-from ...media.clip import Footage, to_gray8
+from ...media.clip import Footage
+from ...media.light import to_gray8
 from ...media.picture_file import Pixels
 from .klt import TwoScales, new_corners
 from .sift import Matcher

@@ -17,7 +17,7 @@ import numpy as np
 from ....base.arrays import Floats, Ints, LinearRGBA, Mask
 from ....camera.canvas import Canvas
 from ....depth.sparse import DepthSamples
-from ....media.clip import encode_srgb
+from ....media.light import encode_srgb
 from ....warp.mesh import WarpMesh, delaunay, distinct, nearest_mean, ring
 
 SHORTEST = 8.0

@@ -1,0 +1,124 @@
+"""Settings of the clip: its path, lens, masks, depth maps, and the frames of its solve."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from .lens_properties import aperture_changed
+from .sources import colour_space
+from .sources.subjects import VirtualApertureSubjects
+
+
+def _colour_spaces(_settings: object, _context: object, _typed: str) -> list[str]:
+    return colour_space.names()
+
+
+class ClipProperties:
+    """The clip."""
+
+    footage: StringProperty(
+        name="Clip",
+        description="Video file, image folder, or a pattern such as shot_####.png",
+        subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
+    work_dir: StringProperty(
+        name="Working Folder",
+        description="Folder for the solve. Leave empty to keep it next to the .blend, named after the clip,"
+        " or in the Cache Folder of the preferences",
+        subtype="DIR_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
+    stills: BoolProperty(
+        name="Unordered Photos",
+        description="The images are photos taken from different places, not a clip. Each one is matched"
+        " with every other",
+    )
+    lens: EnumProperty(
+        name="Lens",
+        description="What is known about the clip's focal length",
+        items=[
+            ("FIND", "From the Clip", "Estimate the focal length from the clip", 0),
+            ("GIVEN", "35 mm Equivalent", "Known and constant, as a 35 mm equivalent", 1),
+            ("SENSOR", "Lens and Sensor", "Known and constant, along with the sensor width", 3),
+            ("ZOOM", "Zoom Lens", "The focal length changes during the clip", 2),
+        ],
+    )
+    equivalent: FloatProperty(
+        name="Focal Length",
+        description="35 mm equivalent in millimetres, as phones and cameras report it",
+        min=1.0,
+        soft_max=400.0,
+        default=26.0,
+    )
+    focal_mm: FloatProperty(
+        name="Focal Length",
+        description="Focal length as marked on the lens",
+        subtype="DISTANCE_CAMERA",
+        min=0.1,
+        soft_max=400.0,
+        default=35.0,
+    )
+    sensor_mm: FloatProperty(
+        name="Sensor Width",
+        description="Width of the sensor area the clip was recorded with",
+        subtype="DISTANCE_CAMERA",
+        min=0.1,
+        soft_max=70.0,
+        default=36.0,
+    )
+    depth_maps: StringProperty(
+        name="Depth Maps",
+        description="Your own depth maps: a folder of EXR, 16-bit PNG or .npz files, or a single .npz or"
+        " .zip. Depth, inverse depth or disparity at any scale; the feature points settle which. A depth"
+        " network (.onnx) is run on the clip. Leave empty to use depth found from the clip alone",
+        subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        update=aperture_changed,
+    )
+    colour_space: StringProperty(
+        name="Color Space",
+        description="What the clip was recorded in, such as S-Log3 S-Gamut3.Cine: cameras that record a log"
+        " rarely say so in the file. Empty: what the file says, else sRGB",
+        search=_colour_spaces,
+        update=aperture_changed,
+    )
+    masks: StringProperty(
+        name="Masks",
+        description="Mattes of moving objects: a folder, or one image of a sequence. White or opaque moves,"
+        " gray moves in part. Leave empty to rely on what is found in the clip",
+        subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
+    mask: PointerProperty(
+        type=bpy.types.Mask,
+        name="Mask",
+        description="Mask drawn around moving objects in the Image or Movie Clip Editor, feather included."
+        " Tracks that drive its points are ignored",
+    )
+    subjects: PointerProperty(
+        type=VirtualApertureSubjects, name="Subjects", description="Moving subjects marked by strokes"
+    )
+    clip_identity: StringProperty(
+        name="Identity", description="Fingerprint of the solved clip", options={"HIDDEN"}
+    )
+    clip_name: StringProperty(name="Name", description="Name of the solved clip", options={"HIDDEN"})
+    clip_notes: StringProperty(
+        name="Notes", description="Remarks about the solved clip, one per line", options={"HIDDEN"}
+    )
+    clip_first: IntProperty(name="First Frame", description="First solved frame", options={"HIDDEN"})
+    clip_last: IntProperty(name="Last Frame", description="Last solved frame", options={"HIDDEN"})
+    clip_step: IntProperty(
+        name="Frame Step",
+        description="Step from one solved frame to the next",
+        default=1,
+        options={"HIDDEN"},
+    )

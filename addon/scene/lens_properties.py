@@ -1,0 +1,231 @@
+"""Settings of the lens: focus, blur and aperture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+)
+
+from .focus import focus_marks
+from .focus.focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
+from .lens import aperture_cloud, depth_of_field, highlight_stops, lens
+from .lens.aperture_shape import VirtualApertureShape
+
+MOST_TILT = 1.57
+"""Radians, a little less than a right angle, at which the focal plane holds the optical axis."""
+
+
+def aperture_changed(settings: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
+    """Update the virtual cameras after a property was edited."""
+    aperture_cloud.update(settings)
+
+
+def _edited(
+    follow: Callable[[bpy.types.PropertyGroup], None],
+) -> Callable[[bpy.types.PropertyGroup, bpy.types.Context], None]:
+    """An update callback that lets the rest of the lens follow an edit by hand or by a script."""
+
+    def update(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+        if lens.is_writing():
+            return
+        with lens.writing():
+            follow(settings)
+        aperture_changed(settings, context)
+
+    return update
+
+
+def _follow_distance(settings: bpy.types.PropertyGroup) -> None:
+    lens.on_distance(settings)
+    focus_marks.on_distance(settings)
+
+
+def _scale_changed(settings: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
+    depth_of_field.on_scale(settings)
+
+
+def _blur_now(settings: bpy.types.PropertyGroup, stored: float, _is_set: bool) -> float:
+    return lens.blur_now(settings, stored)
+
+
+class LensProperties:
+    """Focus, blur and aperture."""
+
+    focus_by: EnumProperty(
+        name="Focus By",
+        description="What the focal plane follows",
+        items=[
+            (
+                "POINTS",
+                "Points",
+                "The picked points, followed through the clip, or the distance if there are none",
+            ),
+            ("DISTANCE", "Distance", "The focus distance, which can be animated"),
+        ],
+        update=_edited(lens.on_focus),
+    )
+    marks: PointerProperty(
+        type=VirtualApertureFocusMarks,
+        name="Focus Marks",
+        description="What is in focus, and at which frames",
+    )
+    focus_points: CollectionProperty(type=VirtualApertureFocusPoint)
+    focus_frame: IntProperty(name="Focus Frame", description="Frame the focus was picked in")
+    focus_distance: FloatProperty(
+        name="Focus Distance",
+        description="Distance from the camera to the focal plane, in scene units; an imported model brings"
+        " its own unit. Picking focus sets it; editing it replaces the pick. Animate it to pull focus",
+        min=0.0,
+        soft_max=100.0,
+        default=0.0,
+        precision=3,
+        update=_edited(_follow_distance),
+    )
+    focus_length: FloatProperty(
+        name="Focus Distance",
+        description="The same as a length, where the scene's scale is given",
+        subtype="DISTANCE",
+        get=lambda settings: settings.focus_distance,
+        set=lambda settings, length: setattr(settings, "focus_distance", length),
+        min=0.0,
+        soft_max=100.0,
+        precision=3,
+        options=set(),
+    )
+    focus_through_points: BoolProperty(
+        name="Plane Through Points",
+        description="Tilt the focal plane to pass through the picked points (three or more)",
+        default=False,
+        update=_edited(lens.on_focus),
+    )
+    focus_tilt: FloatProperty(
+        name="Tilt",
+        description="How far the top of the focal plane leans away from the camera, pivoting on the optical"
+        " axis",
+        subtype="ANGLE",
+        min=-MOST_TILT,
+        max=MOST_TILT,
+        default=0.0,
+        update=_edited(lens.on_focus),
+    )
+    focus_swing: FloatProperty(
+        name="Swing",
+        description="How far the right side of the focal plane leans away from the camera, pivoting on the"
+        " optical axis",
+        subtype="ANGLE",
+        min=-MOST_TILT,
+        max=MOST_TILT,
+        default=0.0,
+        update=_edited(lens.on_focus),
+    )
+    blur: FloatProperty(
+        name="Blur",
+        description="Diameter of the farthest background's blur disc, as a fraction of the image width, at"
+        " the current frame and focus; it changes during a focus pull. Setting it sets the aperture radius,"
+        " which stays constant. When animated, the blur itself is kept",
+        min=0.0001,
+        soft_max=0.1,
+        max=1.0,
+        default=0.03,
+        precision=lens.BLUR_DIGITS,
+        step=0.1,
+        get_transform=_blur_now,
+        update=_edited(lens.on_blur),
+    )
+    blur_percent: FloatProperty(
+        name="Background Blur",
+        description="Diameter of the farthest background's blur disc, in per cent of the image width, at the"
+        " current frame and focus",
+        subtype="PERCENTAGE",
+        get=lens.blur_percent,
+        set=lens.set_blur_percent,
+        min=0.01,
+        soft_max=10.0,
+        max=100.0,
+        precision=2,
+        step=10,
+        options=set(),
+    )
+    follows_blur: BoolProperty(
+        name="Follows Blur",
+        description="The radius follows the blur while the first distance is dragged",
+        options={"HIDDEN"},
+    )
+    aperture_radius: FloatProperty(
+        name="Aperture Radius",
+        description="Radius of the virtual aperture, in scene units; an imported model brings its own unit."
+        " Constant throughout the clip unless animated. 0 until the first focus sets it from the blur",
+        min=0.0,
+        default=0.0,
+        precision=4,
+        update=_edited(lens.on_radius),
+    )
+    metres_per_unit: FloatProperty(
+        name="Metres per Unit",
+        description="Size of one scene unit in metres; Blender then shows lengths in metres, too. 0 if"
+        " unknown: a solve has an arbitrary scale, and f-stops assume one",
+        min=0.0,
+        soft_max=10.0,
+        default=0.0,
+        precision=4,
+        update=_scale_changed,
+        options=set(),
+    )
+    subject_metres: FloatProperty(
+        name="Subject Distance",
+        description="How far away what is in focus is, in metres. Until it is given, here or by Set Scale, a"
+        " distance is assumed with which an f-stop blurs as it does on a 50 mm lens",
+        get=depth_of_field.subject_metres,
+        set=depth_of_field.set_subject_metres,
+        min=0.0,
+        soft_min=0.01,
+        soft_max=100.0,
+        precision=2,
+        step=1,
+        options=set(),
+    )
+    f_stop: FloatProperty(
+        name="F-Stop",
+        description="Focal length divided by aperture diameter, as on a lens. If the sensor is unknown, a"
+        " full frame (36 mm wide) is assumed; if the scale is not set, one is assumed. To animate it, animate"
+        " the aperture radius",
+        get=depth_of_field.f_stop,
+        set=depth_of_field.set_f_stop,
+        min=0.0,
+        soft_min=0.1,
+        soft_max=128.0,
+        precision=2,
+        step=10,
+        options=set(),
+    )
+    restore_highlights: BoolProperty(
+        name="Restore",
+        description="Give highlights that the clip shows as white an estimate of their light back, so that"
+        " they turn into bright bokeh discs",
+        get=highlight_stops.are_restored,
+        set=highlight_stops.restore,
+        options=set(),
+    )
+    highlight_boost: FloatProperty(
+        name="Highlight Boost",
+        description="Stops by which restored highlights are brighter than estimated; each one doubles them",
+        get=highlight_stops.boost,
+        set=highlight_stops.set_boost,
+        min=highlight_stops.LEAST,
+        max=highlight_stops.MOST,
+        soft_min=-2.0,
+        soft_max=4.0,
+        precision=1,
+        options=set(),
+    )
+    shape: PointerProperty(
+        type=VirtualApertureShape, name="Aperture Shape", description="Shape of the blur discs"
+    )
