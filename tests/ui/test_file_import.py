@@ -59,14 +59,13 @@ def test_a_clip_is_refused_while_another_is_solved(scene: bpy.types.Scene, tmp_p
     def begin() -> None:
         raise AssertionError
 
-    operator = bpy.types.VIRTUAL_APERTURE_OT_solve
-    operator._running = Solving(begin)
+    Solving.running = Solving(begin)
     try:
         for name, path in (("import_clip", other), ("drop_model", other / "cameras.bin")):
             with pytest.raises(RuntimeError, match=r"being solved; .*ESC, then .* again"):
                 getattr(bpy.ops.virtual_aperture, name)(filepath=str(path))
     finally:
-        operator._running = None
+        Solving.running = None
     assert scene.virtual_aperture.footage == str(tmp_path / "clip")
 
 

@@ -40,7 +40,7 @@ def chosen(settings: Settings, _folder: Path) -> None:
 
 def solving(settings: Settings, folder: Path) -> None:
     chosen(settings, folder)
-    running = bpy.types.VIRTUAL_APERTURE_OT_solve._running = Solving(lambda: None)  # type: ignore[arg-type]
+    running = Solving.running = Solving(lambda: None)  # type: ignore[arg-type]
     running.step = SolveProgress("Registered 3 of 12 frames", 0.25, 40.0)
 
 
@@ -113,7 +113,7 @@ def newer(settings: Settings, _folder: Path) -> None:
 
 def solving_the_wrong_one(settings: Settings, folder: Path) -> None:
     wrong(settings, folder)
-    bpy.types.VIRTUAL_APERTURE_OT_solve._running = Solving(lambda: None)  # type: ignore[arg-type]
+    Solving.running = Solving(lambda: None)  # type: ignore[arg-type]
 
 
 STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
@@ -155,7 +155,7 @@ def test_panels_draw(
         make(settings, tmp_path)
         shown = [draw(panel) for panel in panels.CLASSES]
     finally:
-        bpy.types.VIRTUAL_APERTURE_OT_solve._running = None
+        Solving.running = None
         depth_ahead._ahead = None
     texts = " ".join(text for each in shown for text in each.texts)
     # Wrapped texts are in lines.

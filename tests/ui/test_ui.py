@@ -379,12 +379,11 @@ def test_opening_a_long_clip_is_told_and_cancelled_at_once(scene: bpy.types.Scen
     assert [step.text for step in solving.poll()] == ["Reading the clip"]
     assert not solving.finished and not solving.ended
     until(lambda: counted > 0)
-    operator = bpy.types.VIRTUAL_APERTURE_OT_solve
-    operator._running = solving
+    Solving.running = solving
     try:
         texts = draw(panels.main.VIRTUAL_APERTURE_PT_main).texts
     finally:
-        operator._running = None
+        Solving.running = None
     assert {"shot.mp4", "Reading the clip", "ESC cancels"} <= set(texts)
     solving.cancel()
     assert solving.ended and counted > 0

@@ -18,7 +18,7 @@ from .program import EXTENSION, Program, headless
 from .screen import Screen
 
 FRAMES = tuple(range(1, 17))
-AHEAD = f"__import__('sys').modules['{EXTENSION}.addon.render.frames_ahead']._ahead"
+AHEAD = f"__import__('sys').modules['{EXTENSION}.addon.render.processes.frames_ahead']._ahead"
 
 
 @pytest.fixture(scope="module")

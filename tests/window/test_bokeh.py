@@ -17,7 +17,7 @@ from .program import EXTENSION, Program
 from .screen import Screen
 from .steps import SETTINGS
 
-BOKEH = f"__import__('sys').modules['{EXTENSION}.addon.ui.bokeh']"
+BOKEH = f"__import__('sys').modules['{EXTENSION}.addon.ui.focus.bokeh']"
 SHIPPED = sorted((ROOT / "presets" / VIRTUAL_APERTURE_PT_lens_presets.preset_subdir).glob("*.py"))
 WHITE = 240
 """Of 255: nothing of Blender's panels is as bright but letters."""

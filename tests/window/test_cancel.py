@@ -72,7 +72,7 @@ def start(program: Program, key: str) -> None:
     program.wait("bpy.app.is_job_running('RENDER')")
 
 
-DRAWN = f"__import__('sys').modules['{EXTENSION}.addon.scene.main_thread']._current"
+DRAWN = f"__import__('sys').modules['{EXTENSION}.addon.scene.gpu.main_thread']._current"
 
 
 @pytest.fixture(autouse=True)

@@ -18,7 +18,7 @@ from .program import EXTENSION, Program
 from .screen import Screen
 from .steps import CLIP, DEPTH, LEFT, MODAL, PANELS, RIGHT, SETTINGS, drop, ended, first_window, opened, over
 
-PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW"
+PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
 SCALING = f"'VIRTUAL_APERTURE_OT_set_scale' in {MODAL}"
 SOLVING = f"'VIRTUAL_APERTURE_OT_import_clip' in {MODAL}"
 OPENS, NARROW = 292, 250

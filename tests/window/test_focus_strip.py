@@ -16,7 +16,7 @@ from .steps import SETTINGS
 FRAMES = range(1, 25)
 MARKS = f"[[mark.frame, mark.name] for mark in {SETTINGS}.marks.items]"
 FRAME = "bpy.context.scene.frame_current"
-STRIP = f"__import__('sys').modules['{EXTENSION}.addon.ui.focus_strip']"
+STRIP = f"__import__('sys').modules['{EXTENSION}.addon.ui.focus.focus_strip']"
 DRAGGING = (
     "'VIRTUAL_APERTURE_OT_drag_focus_mark' in"
     " [o.bl_idname for w in bpy.context.window_manager.windows for o in w.modal_operators]"

@@ -20,7 +20,7 @@ from .screen import Screen
 from .steps import SETTINGS, over
 
 SIZE = (320, 180)
-BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW.is_busy()"
+BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW.is_busy()"
 
 
 @pytest.fixture

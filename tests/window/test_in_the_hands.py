@@ -24,7 +24,7 @@ from .steps import LEFT, MARKS, PICKING, begin, drop, ended, over
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 SPACE = "view('VIEW_3D')['area'].spaces.active"
-PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW"
+PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
 PHONE = Path(os.environ.get("VA_DATA", ROOT.parent / "shared" / "data")) / "duck" / "demo.mp4"
 SAMPLE = ROOT / "sample_scenes" / "desk.mp4"
 FEWEST_ACTIONS = 5

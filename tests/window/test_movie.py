@@ -21,7 +21,7 @@ from .program import EXTENSION, Program
 from .screen import Screen
 
 COUNT = 40
-MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.movie']._movie"
+MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.movie']._movie"
 RENDER = "bpy.context.scene.render"
 KEPT = (
     f"[{RENDER}.filepath, {RENDER}.engine, {RENDER}.use_border, {RENDER}.image_settings.media_type,"

@@ -13,7 +13,7 @@ from .program import EXTENSION, Program
 from .screen import Screen
 from .steps import first_window, show_preferences
 
-PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW"
+PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
 SHADING = "view('VIEW_3D')['area'].spaces.active.shading.type"
 OFF = f"bpy.ops.preferences.addon_disable(module={EXTENSION!r}); None"
 ON = f"bpy.ops.preferences.addon_enable(module={EXTENSION!r}); None"

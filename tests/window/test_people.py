@@ -21,9 +21,9 @@ from .program import EXTENSION, Program
 from .screen import Screen
 from .steps import LEFT, MARKS, PICKING, SETTINGS, begin, drop, over
 
-PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW"
-SEARCH = f"__import__('sys').modules['{EXTENSION}.addon.ui.first_person']._search"
-MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.movie']._movie"
+PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
+SEARCH = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.first_person']._search"
+MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.movie']._movie"
 FOLLOWED = f"len({SETTINGS}.marks.items[0].places[0].get('followed_frames', []))"
 HALF = 0.035
 """Half of the side of the squares that are compared, of the picture's width."""

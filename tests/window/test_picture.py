@@ -18,7 +18,7 @@ from .steps import PICKING, over
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 SPACE = "view('VIEW_3D')['area'].spaces.active"
-VIEWPORT = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport']"
+VIEWPORT = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport']"
 PREVIEW = f"{VIEWPORT}.PREVIEW"
 SHOWN = f"[s for s in {VIEWPORT}._in_regions.values() if s.frame][0]"
 BUSY = f"{PREVIEW}.is_busy()"

@@ -47,7 +47,7 @@ MENU = 0.6
 """Seconds until Blender has drawn a menu or a dialog."""
 SCRUBBED = range(1, 37, 3)
 """Frames of the sample clip through which the focus is seen to be pulled."""
-BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW.is_busy()"
+BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW.is_busy()"
 SOLVING_DROPPED = f"'VIRTUAL_APERTURE_OT_import_clip' in {MODAL}"
 MUG, GLOBE, PLANT = (0.2, 0.85), (0.53, 0.45), (0.9, 0.45)
 """Places of the sample clip, fractions of the picture."""

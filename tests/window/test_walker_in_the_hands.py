@@ -26,7 +26,7 @@ from .screen import Screen
 from .steps import MARKS, MODAL, SETTINGS, begin, ended, over
 
 WORKING = f"[n for n in {MODAL} if 'subject' in n]"
-BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW.is_busy()"
+BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW.is_busy()"
 START = (
     "with bpy.context.temp_override(**view('VIEW_3D')):\n    bpy.ops.virtual_aperture.{}('INVOKE_DEFAULT')\n1"
 )
