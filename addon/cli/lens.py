@@ -26,6 +26,7 @@ from ..core.focus.place import Place
 from ..core.focus.pull import FocusMark
 from ..core.frame.meshers import MESHERS
 from ..core.frame.options import FRAME_OPTIONS
+from ..core.frame.plan import FrameOptions
 from ..core.media.clip import Footage, FrameRange, describe, open_footage
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
@@ -209,17 +210,17 @@ def say_lens(
     go_to(scene, frame)
     lens = frame_options(settings, reconstruction)
     scene.frame_set(before, subframe=subframe)
-    say(_discs(reconstruction, lens.focus, frame, lens.radius))
-    say(_sharp(reconstruction, lens.focus, frame, lens.radius))
+    say(_discs(reconstruction, lens, frame))
+    say(_sharp(reconstruction, lens, frame))
 
 
-def _discs(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> str:
+def _discs(reconstruction: Reconstruction, lens: FrameOptions, frame: int) -> str:
     """How large the blur is on either side of the focal plane: seldom alike."""
     width = reconstruction.intrinsics(reconstruction.image_at(frame)[0]).width
     parts = [
         f"{side * width:.1f} px ({100 * side:.1f}% of the width) {where}" if side > 0 else f"none {where}"
         for side, where in zip(
-            largest_discs(reconstruction, focus, frame, radius),
+            largest_discs(reconstruction, lens.focus, frame, lens.radius, lens.zone),
             ("in front of the focus", "behind it"),
             strict=True,
         )
@@ -227,10 +228,10 @@ def _discs(reconstruction: Reconstruction, focus: Focus, frame: int, radius: flo
     return f"largest blur discs at frame {frame}: {', '.join(parts)}"
 
 
-def _sharp(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> str:
+def _sharp(reconstruction: Reconstruction, lens: FrameOptions, frame: int) -> str:
     """Between which distances blur discs are too small to be seen."""
-    near, far = sharp_distances(reconstruction, focus, frame, radius)
-    where = " on the optical axis" if focus.is_tilted else ""
+    near, far = sharp_distances(reconstruction, lens.focus, frame, lens.radius, lens.zone)
+    where = " on the optical axis" if lens.focus.is_tilted else ""
     reach = f"from {near:.4g} and farther" if math.isinf(far) else f"from {near:.4g} to {far:.4g} away"
     return f"sharp at frame {frame}{where}: {'nothing' if math.isinf(near) else reach}"
 

@@ -37,7 +37,7 @@ def lens_of(focus: Focus, frame: int = 1, xyz: np.ndarray = XYZ) -> ThinLens:
 def test_points_of_the_plane_have_no_blur_in_any_frame(frame: int) -> None:
     lens, image = lens_of(THROUGH, frame), clip().images[frame - 1]
     local = image.to_camera(XYZ)
-    discs = lens.blur_disc(lens.untilted(1 / local[:, 2], LENS.project(local)))
+    discs = lens.blur_disc(lens.rectified(1 / local[:, 2], LENS.project(local)))
     np.testing.assert_allclose(discs[:3], 0, atol=1e-10)
     assert abs(discs[4]) > 1
 
@@ -45,14 +45,14 @@ def test_points_of_the_plane_have_no_blur_in_any_frame(frame: int) -> None:
 def test_more_points_than_three_are_fitted() -> None:
     lens = lens_of(Focus((0, 1, 2, 3), through_points=True))
     local = XYZ[:4]
-    away = lens.focus - lens.untilted(1 / local[:, 2], LENS.project(local))
+    away = lens.focus - lens.rectified(1 / local[:, 2], LENS.project(local))
     assert (away > 0).any() and (away < 0).any() and np.abs(away).max() < 0.02
 
 
 def test_angles_lean_the_upper_and_the_right_part_away() -> None:
     lens = lens_of(Focus(distance=5.0, tilt=0.3, swing=0.4))
     on_axis, above, right = LENS.principal_point + np.array([[0, 0], [0, -50], [50, 0]])
-    plane = lens.tilted(np.full(3, lens.focus), np.array([on_axis, above, right]))
+    plane = lens.unrectified(np.full(3, lens.focus), np.array([on_axis, above, right]))
     assert 1 / plane[0] == pytest.approx(5)
     for inverse, angle, ray in ((plane[1], 0.3, 50 / LENS.fy), (plane[2], 0.4, 50 / LENS.fx)):
         # From (0, 5) on, at such an angle, to where the ray meets it.
@@ -70,8 +70,8 @@ def test_positions_and_inverse_depths_come_back() -> None:
     inverse = np.random.default_rng(0).uniform(0, 0.3, (LENS.height + 10, LENS.width + 10))
     rows, columns = np.mgrid[: LENS.height + 10, : LENS.width + 10] - 4.5
     at = np.column_stack([columns.ravel(), rows.ravel()])
-    np.testing.assert_allclose(lens.untilted_raster(inverse).ravel(), lens.untilted(inverse.ravel(), at))
-    assert lens.untilted_raster(inverse).min() > 0
+    np.testing.assert_allclose(lens.rectified_raster(inverse).ravel(), lens.rectified(inverse.ravel(), at))
+    assert lens.rectified_raster(inverse).min() > 0
 
 
 def test_a_plane_that_is_not_tilted_is_what_it_was() -> None:
@@ -79,7 +79,7 @@ def test_a_plane_that_is_not_tilted_is_what_it_was() -> None:
         lens = lens_of(focus)
         assert lens == ThinLens(LENS, 0.2, focus.inverse_depth(clip(), 1))
         values = np.ones((LENS.height, LENS.width), np.float32)
-        assert lens.untilted_raster(values) is values and lens.sheared_positions(values) is values
+        assert lens.rectified_raster(values) is values and lens.sheared_positions(values) is values
 
 
 def test_points_that_make_no_plane_are_refused() -> None:
@@ -100,7 +100,7 @@ def test_discs_at_the_limits_of_what_is_sharp_are_acceptable() -> None:
         near, far = sharp_distances(clip(), focus, 1, 0.2)
         lens = lens_of(focus)
         on_axis = np.broadcast_to(LENS.principal_point, (2, 2))
-        discs = lens.blur_disc(lens.untilted(1 / np.array([near, far]), on_axis))
+        discs = lens.blur_disc(lens.rectified(1 / np.array([near, far]), on_axis))
         assert discs == pytest.approx(np.hypot(LENS.width, LENS.height) / ACCEPTABLE * np.array([1, -1]))
     assert sharp_distances(clip(), Focus(distance=5.0), 1, 1e-4)[1] == np.inf
 
@@ -110,5 +110,5 @@ def test_a_blur_is_measured_from_the_tilted_plane() -> None:
     radius = radius_for_blur(clip(), focus, 1, 0.03)
     assert blur_for_radius(clip(), focus, 1, radius) == pytest.approx(0.03)
     lens = focus.lens(clip(), 1, LENS, radius)
-    discs = lens.blur_disc(lens.untilted(1 / XYZ[:, 2], LENS.project(XYZ)))
+    discs = lens.blur_disc(lens.rectified(1 / XYZ[:, 2], LENS.project(XYZ)))
     assert -np.percentile(discs, 2) / LENS.width == pytest.approx(0.03)

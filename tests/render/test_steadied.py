@@ -133,8 +133,8 @@ def test_places_move_as_the_cameras_do(clip: ClipContext) -> None:
     image, _ = clip.reconstruction.image_at(FRAME)
     world = clip.reconstruction.points.xyz
     local = image.to_camera(world)
-    inverse = steady.own_lens.untilted(1 / local[:, 2], LENS.project(local))
+    inverse = steady.own_lens.rectified(1 / local[:, 2], LENS.project(local))
     place, there = steady.moved(LENS.project(local), inverse)
     seen = (world - path.centres[FRAME - 1]) @ path.rotations[FRAME - 1].T
     assert np.allclose(place, warped.plan.canvas.pinhole.project(seen), atol=1e-9)
-    assert np.allclose(steady.lens.tilted(there, place), 1 / seen[:, 2], atol=1e-12)
+    assert np.allclose(steady.lens.unrectified(there, place), 1 / seen[:, 2], atol=1e-12)

@@ -181,7 +181,7 @@ def test_views_are_where_the_planes_homography_takes_them(focus: Focus, method: 
     rng = np.random.default_rng(0)
     pixels = rng.uniform([0, 0], SIZE, (50, 2))
     inverse = rng.uniform(0, 0.3, 50)
-    moved = plan.displace(pixels, plan.lens.untilted(inverse, pixels))
+    moved = plan.displace(pixels, plan.lens.rectified(inverse, pixels))
     rays = np.column_stack([(pixels - LENS.principal_point) / LENS.focal, np.ones(50)])
     for place, shown in zip(plan.lens.aperture_positions(plan.offsets), moved, strict=True):
         assert np.linalg.norm(place) < RADIUS
@@ -190,7 +190,7 @@ def test_views_are_where_the_planes_homography_takes_them(focus: Focus, method: 
         registered = local @ homography(focus, place, 1).T
         np.testing.assert_allclose(shown, registered[:, :2] / registered[:, 2:] + 0.5, atol=1e-3)
     np.testing.assert_allclose(
-        plan.lens.tilted(plan.lens.untilted(inverse, pixels), pixels), inverse, atol=1e-12
+        plan.lens.unrectified(plan.lens.rectified(inverse, pixels), pixels), inverse, atol=1e-12
     )
 
 
@@ -204,9 +204,9 @@ def test_a_tilted_plane_is_as_good_as_those_that_are_not(has_card: bool) -> None
         found[focus] = error(mean, true)
         print(f"{found[focus]:.2f} dB, as it was {error(source(has_card), true):.2f}: {focus}")
     # How much of what the card hides is in focus, and so guessed sharply, is not the same.
-    untilted = min(found[UNTILTED], found[Focus(distance=WALL[0])])
-    assert untilted > (37 if has_card else 45)
-    assert min(found[TILTED], found[THROUGH]) > untilted - 0.5
+    rectified = min(found[UNTILTED], found[Focus(distance=WALL[0])])
+    assert rectified > (37 if has_card else 45)
+    assert min(found[TILTED], found[THROUGH]) > rectified - 0.5
 
 
 @needs_gpu

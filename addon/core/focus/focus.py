@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ..base.errors import UserError
 from ..camera.reconstruction import Intrinsics, Reconstruction
 from ..depth.sparse import frame_features, point_inverse_depths
 from ..optics.thin_lens import ThinLens
+from ..optics.zone import NO_ZONE, InFocusZone
 
 FEWEST_IN_PLANE = 3
 """Points in focus that make a plane."""
@@ -177,7 +178,7 @@ def blur_for_radius(reconstruction: Reconstruction, focus: Focus, frame: int, ra
 
 
 def largest_discs(
-    reconstruction: Reconstruction, focus: Focus, frame: int, radius: float
+    reconstruction: Reconstruction, focus: Focus, frame: int, radius: float, zone: InFocusZone = NO_ZONE
 ) -> tuple[float, float]:
     """Return the diameters of a frame's largest blur discs, in image widths.
 
@@ -191,20 +192,20 @@ def largest_discs(
     features = frame_features(reconstruction, frame, canvas)
     if not len(features.points):
         return 0.0, 0.0
-    lens = focus.lens(reconstruction, frame, canvas.pinhole, radius)
+    lens = replace(focus.lens(reconstruction, frame, canvas.pinhole, radius), zone=zone)
     plane = lens.focus
-    far, near = np.percentile(lens.untilted(features.inverse_depth, features.observed), [2, 98])
+    far, near = np.percentile(lens.rectified(features.inverse_depth, features.observed), [2, 98])
     of_contrast = 2 * radius * canvas.camera.fx / canvas.camera.width
     return float(of_contrast * max(near - plane, 0.0)), float(of_contrast * max(plane - far, 0.0))
 
 
 def sharp_distances(
-    reconstruction: Reconstruction, focus: Focus, frame: int, radius: float
+    reconstruction: Reconstruction, focus: Focus, frame: int, radius: float, zone: InFocusZone = NO_ZONE
 ) -> tuple[float, float]:
     """Return `ThinLens.sharp_distances` at a frame, for an aperture radius in scene units."""
     image, _ = reconstruction.image_at(frame)
     plain = reconstruction.intrinsics(image).without_distortion()
-    return focus.lens(reconstruction, frame, plain, radius).sharp_distances
+    return replace(focus.lens(reconstruction, frame, plain, radius), zone=zone).sharp_distances
 
 
 def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
@@ -219,7 +220,7 @@ def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: in
             " frame, set the aperture radius, or solve the clip again"
         )
     inverse = lens.focus
-    far, near = np.percentile(lens.untilted(features.inverse_depth, features.observed), [2, 98])
+    far, near = np.percentile(lens.rectified(features.inverse_depth, features.observed), [2, 98])
     contrast = inverse - far
     if contrast < 0.25 * (near - inverse):
         contrast = near - inverse

@@ -71,7 +71,7 @@ class Effect:
 
 def _complete_own_lens(geometry: FrameGeometry) -> FrameGeometry:
     """Complete the blur of the clip's own lens to that of the user's; not on a steadier path."""
-    simple = not (geometry.cg.layers or geometry.lens.is_tilted or geometry.steadied)
+    simple = geometry.lens.is_plain and not (geometry.cg.layers or geometry.steadied)
     if not (geometry.mesher.needs_pixel_depth and simple):
         return geometry
     return replace(geometry, own_lens=geometry.clip.own_lens)
@@ -84,7 +84,7 @@ def _remove_highlights(geometry: FrameGeometry) -> FrameGeometry:
     if not (settings.highlights.gain and is_layered and geometry.picture.size):
         return geometry
     assert depth is not None
-    displacement = lens.displacement(lens.untilted_raster(depth.inverse_depth))
+    displacement = lens.displacement(lens.rectified_raster(depth.inverse_depth))
     picture, discs = without_small_highlights(
         geometry.picture, lens.snap_displacement(displacement.astype(np.float32)), settings.aperture,
         _tracked_depth(geometry),

@@ -139,7 +139,7 @@ def mesh_frame(
     blur = sampled_disc(geometry)
     if geometry.depth is not None and geometry.mesher.needs_pixel_depth:
         lens = geometry.lens
-        blur = lens.largest_disc(lens.untilted_raster(geometry.depth.inverse_depth))
+        blur = lens.largest_disc(lens.rectified_raster(geometry.depth.inverse_depth))
     if draw_cg is not None:
         with stage("CG objects", DEEP, DEEP):
             cg = draw_cg(frame, geometry.canvas, geometry.depth)
@@ -184,7 +184,7 @@ def _beyond(geometry: FrameGeometry, steadier: Steadied) -> float:
     """Return the pixels past a frame's border that a steadier camera sees at the frame's depths."""
     samples, depth = geometry.samples, geometry.depth
     if depth is None:
-        inverse: Floats = geometry.lens.tilted(samples.inverse_depth, samples.observed)
+        inverse: Floats = geometry.lens.unrectified(samples.inverse_depth, samples.observed)
     else:
         inverse = depth.inverse_depth[::8, ::8]
     return steadier.beyond(np.percentile(inverse, LEVELS))

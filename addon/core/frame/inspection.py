@@ -75,14 +75,14 @@ def inverse_depth(warped: WarpedFrame) -> Floats:
     if warped.layers and warped.depth is not None and warped.steadied is None:
         return warped.depth.inverse_depth
     mesh, pinhole = warped.plan.mesh, warped.plan.canvas.pinhole
-    inverse = warped.plan.lens.tilted(mesh.inverse_depth, mesh.xy)
+    inverse = warped.plan.lens.unrectified(mesh.inverse_depth, mesh.xy)
     return at_pixels(mesh.xy, inverse, mesh.triangles, (pinhole.height, pinhole.width))
 
 
 def blur_discs(warped: WarpedFrame) -> Floats:
     """Return signed diameters (H, W) in pixels of the canvas's blur discs, as `ThinLens.blur_disc`."""
     lens = warped.plan.lens
-    return lens.blur_disc(lens.untilted_raster(inverse_depth(warped)))
+    return lens.blur_disc(lens.rectified_raster(inverse_depth(warped)))
 
 
 # Sources

@@ -34,7 +34,7 @@ def circle_of_confusion(warped: WarpedFrame) -> Map:
     Unknown pixels have the disc of infinity.
     """
     lens = warped.plan.lens
-    signed = lens.blur_disc(lens.untilted_raster(np.nan_to_num(inverse_depth(warped)).astype(np.float32)))
+    signed = lens.blur_disc(lens.rectified_raster(np.nan_to_num(inverse_depth(warped)).astype(np.float32)))
     return in_source(signed, warped.plan.canvas)
 
 

@@ -13,6 +13,7 @@ from ..focus.focus import Focus
 from ..optics.aperture import Aperture
 from ..optics.aperture_sampling import MOST_VIEWS
 from ..optics.thin_lens import ThinLens
+from ..optics.zone import InFocusZone
 from ..warp.mesh import WarpMesh
 from .highlights import RESTORED, HighlightSettings
 from .quality import NORMAL, QUALITIES, Quality
@@ -38,6 +39,28 @@ class FrameOptions:
         True, "Borrow",
         "Fill in what the frame does not show, behind silhouettes and past the border, from other frames;"
         " when off, it is invented from the surroundings",
+    )  # fmt: skip
+    zone_front: float = option(
+        0.0, "Zone in Front",
+        "How far in front of the focal plane everything stays sharp, as a share of its distance: 0.2 is up to"
+        " a fifth nearer",
+        least=0.0, most=0.95, precision=2, unit="FACTOR",
+    )  # fmt: skip
+    zone_behind: float = option(
+        0.0, "Zone Behind",
+        "How far behind the focal plane everything stays sharp, as a share of its distance: 0.5 is up to half"
+        " as far again",
+        least=0.0, most=1000.0, soft_most=1.0, precision=2,
+    )  # fmt: skip
+    blur_in_front: float = option(
+        1.0, "Blur in Front",
+        "Strength of the blur in front of the in-focus zone: 1 is the lens's own, 0 leaves all sharp",
+        least=0.0, most=2.0, soft_most=1.0, precision=2,
+    )  # fmt: skip
+    blur_behind: float = option(
+        1.0, "Blur Behind",
+        "Strength of the blur behind the in-focus zone: 1 is the lens's own, 0 leaves all sharp",
+        least=0.0, most=2.0, soft_most=1.0, precision=2,
     )  # fmt: skip
     target_psnr: float = option(
         0.0, "Target Quality (PSNR)",
@@ -73,6 +96,11 @@ class FrameOptions:
     )
     """Budget of the frame; a number of views, or a target PSNR, overrides the quality's own."""
 
+    @property
+    def zone(self) -> InFocusZone:
+        """The in-focus zone."""
+        return InFocusZone(self.zone_front, self.zone_behind, self.blur_in_front, self.blur_behind)
+
 
 @dataclass(frozen=True)
 class FramePlan:
@@ -82,7 +110,7 @@ class FramePlan:
     canvas: Canvas
     lens: ThinLens
     mesh: WarpMesh
-    """Mesh with inverse depths that are `lens.untilted`."""
+    """Mesh with inverse depths that are `lens.rectified`."""
     offsets: Floats
     """(N, 2) positions in scene units, x right and y down, as `ThinLens.sheared_positions`."""
     registration: Floats
@@ -103,7 +131,7 @@ class FramePlan:
     @property
     def axial_shift(self) -> float:
         """Inverse depth, 1 / scene units, by which `RED_AND_BLUE` are focused farther away than green."""
-        return self.axial_colour * (self.lens.focus - self.lens.lift)
+        return self.axial_colour * self.lens.axis
 
     def displace(self, xy: Floats, inverse_depth: Floats) -> Floats:
         """Project vertices (V, 2) of inverse depths (V,) into the views (N, V, 2), after registration."""

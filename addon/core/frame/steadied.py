@@ -51,15 +51,15 @@ class Steadied:
     def moved(self, xy: Floats, inverse_depth: Floats) -> tuple[Floats, Floats]:
         """Map canvas pixels (n, 2) and inverse depths (n,) of the frame to those of the steadier camera.
 
-        Inverse depths are `untilted` by their lens.
+        Inverse depths are `rectified` by their lens.
         """
-        there = self.own_lens.tilted(inverse_depth, xy)
+        there = self.own_lens.unrectified(inverse_depth, xy)
         pinhole, own = self.canvas.pinhole, self.own_canvas.pinhole
         rays = np.column_stack([(xy - own.principal_point) / own.focal, np.ones(len(xy))])
         # With inverse depth d a point is (ray, d) in homogeneous coordinates, also at infinity.
         seen = rays @ self.rotation.T + np.multiply.outer(there, self.translation)
         places = seen[:, :2] / seen[:, 2:] * pinhole.focal + pinhole.principal_point
-        return places, np.asarray(self.lens.untilted(there / seen[:, 2], places))
+        return places, np.asarray(self.lens.rectified(there / seen[:, 2], places))
 
     def beyond(self, inverse_depths: Floats) -> float:
         """Return the pixels past the frame's border that the steadier camera sees.
@@ -96,7 +96,7 @@ def steadied(image: Image, own: Canvas, lens: ThinLens, path: SteadyPath) -> Ste
     rotation, translation = path.seen_from(image)
     canvas = Canvas(zoomed(own.camera, path.zoom))
     # The focal plane is a . X = 1: inverse depth is a . ray, and a' . ray' in the other space.
-    a = np.append(np.asarray(lens.slope) * own.pinhole.focal, lens.focus - lens.lift)
+    a = np.append(np.asarray(lens.slope) * own.pinhole.focal, lens.axis)
     there = rotation @ a
     ahead = 1 + float(there @ translation)
     if not (ahead > 0 and there[2] > 0):
@@ -106,8 +106,9 @@ def steadied(image: Image, own: Canvas, lens: ThinLens, path: SteadyPath) -> Ste
         )
     across, down, inverse = there / ahead
     slope = float(across / canvas.pinhole.fx), float(down / canvas.pinhole.fy)
+    steadier = ThinLens.on_plane(canvas.pinhole, lens.radius, float(inverse), slope)
     away = float(np.linalg.norm(translation[:2]))
     return Steadied(
-        canvas, ThinLens.on_plane(canvas.pinhole, lens.radius, float(inverse), slope), own,
+        canvas, replace(steadier, zone=lens.zone), own,
         replace(lens, radius=lens.radius + away), rotation, translation, path.strength,
     )  # fmt: skip

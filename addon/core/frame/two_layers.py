@@ -94,4 +94,4 @@ def _inverse_depth(lens: ThinLens, disparity: Map) -> Map:
     rows, columns = disparity.shape
     places = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
     inverse = lens.focus + disparity / np.float64(lens.disparity_scale)
-    return np.asarray(lens.tilted(inverse, places), np.float32)
+    return np.asarray(lens.unrectified(inverse, places), np.float32)

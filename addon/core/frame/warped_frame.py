@@ -191,13 +191,16 @@ def frame_geometry(
     else:
         samples = frame_features(reconstruction, frame, canvas)
     lens = settings.focus.lens(reconstruction, frame, canvas.pinhole, settings.radius)
+    lens = replace(lens, zone=settings.zone)
     if lens.is_tilted and not mesher.takes_tilt:
         raise UserError(
             f"the method {settings.method} does not support a tilted focal plane; choose another one"
         )
+    if settings.zone.is_active and not mesher.takes_tilt:
+        raise UserError(f"the method {settings.method} does not support an in-focus zone; choose another one")
     if settings.stabilize and not mesher.takes_tilt:
         raise UserError(f"the method {settings.method} does not stabilize; choose another one")
-    samples = replace(samples, inverse_depth=lens.untilted(samples.inverse_depth, samples.observed))
+    samples = replace(samples, inverse_depth=lens.rectified(samples.inverse_depth, samples.observed))
     lens.check(frame, samples.inverse_depth)
     picture = canvas.from_source(source) if source.size else source
     return FrameGeometry(clip, settings, mesher, canvas, picture, lens, samples)

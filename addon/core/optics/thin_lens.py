@@ -5,7 +5,7 @@ Z - F(x, y) + const keeps pixels and occlusion, and makes the plane parallel to 
 q) on the aperture, with the tilted plane in register, is a view of the sheared scene from (p, q) / (1 - s),
 where s is the share of the way to the intersection of the focal plane with the lens's plane (the Scheimpflug
 line; `ThinLens.sheared_positions`). Renderers therefore know only planes parallel to the picture: they get
-inverse depths `untilted`.
+inverse depths `rectified`, in which the in-focus zone is flat, too (`zone.py`).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats, Map
 from ..base.errors import UserError
 from ..camera.reconstruction import Intrinsics
+from .zone import NO_ZONE, InFocusZone
 
 ACCEPTABLE = 1500
 """Picture diagonals per acceptable circle of confusion: the photographer's rule for depth of field."""
@@ -40,7 +41,8 @@ PAST_BORDER = 2.0
 class ThinLens:
     """A thin lens before the pinhole camera of a frame, focused on a plane.
 
-    Inverse depths are those of `untilted`, which changes nothing for a plane parallel to the picture.
+    Inverse depths are those of `rectified`, which changes nothing for a plane parallel to the picture without
+    an in-focus zone.
 
     A point at depth Z is spread over a disc of diameter 2 R f |1/Z - 1/Zf| pixels: R is the aperture radius
     in scene units, f the focal length in pixels and Zf the distance of the focal plane in scene units.
@@ -55,11 +57,12 @@ class ThinLens:
     radius: float
     """Radius of the aperture in scene units."""
     focus: float
-    """Inverse depth of the focal plane, 1 / scene units; of a tilted one, once it is `untilted`."""
+    """Inverse depth of the focal plane, 1 / scene units; of a tilted one, once it is `rectified`."""
     slope: tuple[float, float] = (0.0, 0.0)
     """By how much the inverse depth of the focal plane grows a pixel to the right, and down: its tilt."""
     lift: float = 0.0
-    """Added to inverse depths `untilted`, so that they are positive."""
+    """Added to inverse depths `rectified`, so that they are positive."""
+    zone: InFocusZone = NO_ZONE
 
     @classmethod
     def on_plane(
@@ -78,20 +81,44 @@ class ThinLens:
         """Return whether the focal plane is not parallel to the picture."""
         return self.slope != (0.0, 0.0)
 
-    def untilted[T: np.floating](self, inverse_depth: NDArray[T], xy: Floats) -> NDArray[T] | Floats:
-        """Return inverse depths (n,) at pixels (n, 2) in the sheared space with a frontal focal plane."""
-        return inverse_depth - self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
+    @property
+    def is_plain(self) -> bool:
+        """Return whether `rectified` changes nothing."""
+        return not (self.is_tilted or self.zone.is_active)
 
-    def tilted(self, inverse_depth: Floats, xy: Floats) -> Floats:
-        """Return inverse depths (n,) at pixels (n, 2) of the scene: the inverse of `untilted`."""
+    def rectified[T: np.floating](self, inverse_depth: NDArray[T], xy: Floats) -> NDArray[T] | Floats:
+        """Return inverse depths (n,) at pixels (n, 2) with a frontal focal plane and a flat in-focus zone."""
+        if self.is_tilted:
+            return self._zoned(inverse_depth - self._tilt(xy[..., 0], xy[..., 1]))
+        return self._zoned(inverse_depth)
+
+    def unrectified(self, inverse_depth: Floats, xy: Floats) -> Floats:
+        """Return inverse depths (n,) at pixels (n, 2) of the scene: the inverse of `rectified`."""
+        if self.zone.is_active:
+            contrast = self.zone.expanded(np.asarray(inverse_depth) - self.focus, self.axis)
+            inverse_depth = np.asarray(self.focus + contrast)
         return inverse_depth + self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
 
-    def untilted_raster[T: np.floating](self, inverse_depth: NDArray[T]) -> NDArray[T] | Floats:
-        """Return inverse depths (H + 2 m, W + 2 m) of a picture and m pixels around it, `untilted`."""
+    def rectified_raster[T: np.floating](self, inverse_depth: NDArray[T]) -> NDArray[T] | Floats:
+        """Return inverse depths (H + 2 m, W + 2 m) of a picture and m pixels around it, `rectified`."""
+        if not self.is_tilted:
+            return self._zoned(inverse_depth)
         rows, columns = inverse_depth.shape
         top, left = (rows - self.pinhole.height) // 2, (columns - self.pinhole.width) // 2
         across, down = np.arange(columns) + 0.5 - left, np.arange(rows) + 0.5 - top
-        return inverse_depth - self._tilt(across, down[:, None]) if self.is_tilted else inverse_depth
+        return self._zoned(inverse_depth - self._tilt(across, down[:, None]))
+
+    @property
+    def axis(self) -> float:
+        """Inverse depth of the focal plane on the optical axis, in the scene."""
+        return self.focus - self.lift
+
+    def _zoned[T: np.floating](self, inverse_depth: NDArray[T]) -> NDArray[T] | Floats:
+        """Flatten the in-focus zone, in float64: contrasts there are small."""
+        if not self.zone.is_active:
+            return inverse_depth
+        contrast = np.asarray(inverse_depth, np.float64) - self.focus
+        return np.asarray(self.focus + self.zone.compressed(contrast, self.axis))
 
     def _tilt(self, x: Floats, y: Floats) -> Floats:
         """Inverse depth of the focal plane at pixels of any shape, less `focus`."""
@@ -132,8 +159,8 @@ class ThinLens:
         Their blur discs have the size `acceptable_disc`; the farthest can be infinite.
         """
         allowed = self.acceptable_disc / (2 * self.radius * self.pinhole.fx)
-        axis = self.focus - self.lift
-        near, far = (float(1 / edge) if edge > 0 else np.inf for edge in (axis + allowed, axis - allowed))
+        edges = self.axis + self.zone.expanded(np.array([allowed, -allowed]), self.axis)
+        near, far = (float(1 / edge) if edge > 0 else np.inf for edge in edges)
         return near, far
 
     @property

@@ -62,8 +62,8 @@ class CGLayer:
 
     def displacement(self, lens: ThinLens) -> Map:
         """Return (h, w) displacements in pixels at the aperture's rim, relative to the focal plane."""
-        untilted = lens.untilted(self.inverse_depth, self.places())
-        return np.asarray(lens.displacement(np.asarray(untilted, np.float64)), np.float32)
+        rectified = lens.rectified(self.inverse_depth, self.places())
+        return np.asarray(lens.displacement(np.asarray(rectified, np.float64)), np.float32)
 
     def scaled(self, before: Intrinsics, after: Intrinsics) -> CGLayer:
         """Resample for a canvas of another size with the same pinhole."""
@@ -108,8 +108,8 @@ class CGLayer:
 
     def largest_disc(self, lens: ThinLens) -> float:
         """Return the 99th percentile of the covered pixels' blur discs: a diameter in pixels."""
-        untilted = np.asarray(lens.untilted(self.inverse_depth, self.places()), np.float64)
-        return lens.largest_disc(untilted[self.picture[..., 3] > FAINT])
+        rectified = np.asarray(lens.rectified(self.inverse_depth, self.places()), np.float64)
+        return lens.largest_disc(rectified[self.picture[..., 3] > FAINT])
 
     def surface(self, lens: ThinLens, views: int, spread: float) -> tuple[WarpMesh, LinearRGBA]:
         """Return the mesh and its texture (h, w, 4), prefiltered for views.

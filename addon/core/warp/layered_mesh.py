@@ -73,8 +73,8 @@ def layer_mesh(
 
     Args:
         picture: (H, W, 4) of the canvas, linear and premultiplied.
-        depth: Depth of its pixels and past its border, not `ThinLens.untilted`.
-        thin_lens: Gives the displacement of pixels in views; the mesh's inverse depths are its `untilted`.
+        depth: Depth of its pixels and past its border, not `ThinLens.rectified`.
+        thin_lens: Gives the displacement of pixels in views; the mesh's inverse depths are its `rectified`.
         hidden: Colours of other frames behind silhouettes and past the border; by default they are inpainted.
         options: Resolution and jumps.
         memory: Memory of the texture, by default new.
@@ -86,7 +86,7 @@ def layer_mesh(
 
     def relative(inverse_depth: Floats | Map) -> Map:
         # Relative to the focal plane, disparities are exact in its vicinity.
-        disparity = thin_lens.disparity(thin_lens.untilted_raster(inverse_depth))
+        disparity = thin_lens.disparity(thin_lens.rectified_raster(inverse_depth))
         return np.clip(disparity - focus, -reach, reach).astype(np.float32)
 
     shift = relative(depth.inverse_depth)
@@ -150,7 +150,7 @@ def _fill_of(hidden: HiddenColours, picture: LinearRGBA, thin_lens: ThinLens) ->
         places = np.column_stack([column - corner[1], row - corner[0]]) + 0.5
         colour, found = np.zeros((*disparity.shape, 3), np.float32), np.zeros(disparity.shape, bool)
         inverse = thin_lens.focus + disparity[row, column] / np.float64(thin_lens.disparity_scale)
-        colour[row, column], found[row, column] = hidden(places, thin_lens.tilted(inverse, places))
+        colour[row, column], found[row, column] = hidden(places, thin_lens.unrectified(inverse, places))
         return colour, found
 
     return fill

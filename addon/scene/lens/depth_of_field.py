@@ -17,6 +17,7 @@ import numpy as np
 from ...core.base.errors import UserError
 from ...core.camera.reconstruction import Reconstruction
 from ...core.focus import focus as core_focus
+from ...core.optics.zone import InFocusZone
 from ..base.timeline import clip_frame
 from ..solve.camera import SENSOR
 from ..sources.shot import IDENTITY, reconstruction_of
@@ -169,22 +170,23 @@ def sharp_distances(settings: bpy.types.PropertyGroup) -> tuple[float, float] | 
     if settings.points is None or not lens.is_in_focus(settings):
         return None
     frame, focus = clip_frame(settings.id_data), lens.focus_of(settings)
+    zone = lens.zone_of(settings)
     chosen = settings.aperture_radius if lens.has_radius(settings) else (settings.blur, settings.focus_frame)
     mesh = settings.points.original.data
-    key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus, chosen)
+    key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus, zone, chosen)
     if _last is None or _last[0] != key:
-        _last = key, _sharp_distances(settings, focus, frame)
+        _last = key, _sharp_distances(settings, focus, zone, frame)
     return _last[1]
 
 
 def _sharp_distances(
-    settings: bpy.types.PropertyGroup, focus: core_focus.Focus, frame: int
+    settings: bpy.types.PropertyGroup, focus: core_focus.Focus, zone: InFocusZone, frame: int
 ) -> tuple[float, float] | None:
     try:
         reconstruction = reconstruction_of(settings)
         radius = lens.radius_of(settings, reconstruction)
         return core_focus.sharp_distances(
-            reconstruction, focus, lens.registered(reconstruction, frame), radius
+            reconstruction, focus, lens.registered(reconstruction, frame), radius, zone
         )
     except UserError:
         # A render reports the error.

@@ -20,6 +20,7 @@ from ...core.camera.reconstruction import Reconstruction
 from ...core.focus.focus import Focus, blur_for_radius, radius_for_blur
 from ...core.frame.options import FRAME_OPTIONS, frame_values
 from ...core.frame.plan import FrameOptions
+from ...core.optics.zone import InFocusZone
 from ..base.option_properties import values_of
 from ..base.timeline import clip_frame
 from ..sources.shot import IDENTITY, reconstruction_of
@@ -71,6 +72,13 @@ def focus_of_settings(settings: bpy.types.PropertyGroup) -> Focus:
         through_points=settings.focus_through_points,
         tilt=settings.focus_tilt,
         swing=settings.focus_swing,
+    )
+
+
+def zone_of(settings: bpy.types.PropertyGroup) -> InFocusZone:
+    """Return the in-focus zone that the settings describe."""
+    return InFocusZone(
+        settings.zone_front, settings.zone_behind, settings.blur_in_front, settings.blur_behind
     )
 
 

@@ -81,4 +81,24 @@ class VIRTUAL_APERTURE_PT_tilt(ClosedPanel, bpy.types.Panel):  # noqa: N801
             column.prop(settings, "focus_swing")
 
 
-CLASSES = (VIRTUAL_APERTURE_PT_focus, VIRTUAL_APERTURE_PT_subjects, VIRTUAL_APERTURE_PT_tilt)
+class VIRTUAL_APERTURE_PT_zone(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "In-Focus Zone"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = split(self.layout, with_keys=True)
+        column = layout.column(align=True)
+        column.prop(settings, "zone_front", text="In Front")
+        column.prop(settings, "zone_behind", text="Behind")
+        column = layout.column(align=True)
+        column.prop(settings, "blur_in_front")
+        column.prop(settings, "blur_behind")
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_PT_focus,
+    VIRTUAL_APERTURE_PT_zone,
+    VIRTUAL_APERTURE_PT_subjects,
+    VIRTUAL_APERTURE_PT_tilt,
+)

@@ -37,9 +37,9 @@ class FrameGeometry:
     """(H, W, 4) picture of the canvas, linear and premultiplied."""
     lens: ThinLens
     samples: DepthSamples
-    """Positions of known inverse depth, `lens.untilted`."""
+    """Positions of known inverse depth, `lens.rectified`."""
     depth: PixelDepth | None = None
-    """Depth of every pixel of the canvas, for meshers that need it; not yet `lens.untilted`."""
+    """Depth of every pixel of the canvas, for meshers that need it; not yet `lens.rectified`."""
     cg: CGObjects = NO_CG
     steadied: Steadied | None = None
     """The steadier camera of the views, if any."""
