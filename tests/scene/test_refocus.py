@@ -172,15 +172,14 @@ def test_solving_again_keeps_the_focus_and_one_at_a_time(scene: bpy.types.Scene,
     other = SolveProcess(clip, tmp_path / "work", again=True)
     with pytest.raises(RuntimeError, match=r"is being solved into here .*\(Working Folder\)"):
         bpy.ops.virtual_aperture.solve(again=True)
-    operator = bpy.types.VIRTUAL_APERTURE_OT_solve
-    operator._running = solving = Solving(lambda: other)
+    Solving.running = solving = Solving(lambda: other)
     try:
         with pytest.raises(RuntimeError, match="A clip is being solved; ESC cancels it"):
             bpy.ops.virtual_aperture.solve(again=True)
     finally:
         solving.cancel()
     assert bpy.ops.virtual_aperture.solve(again=True) == {"FINISHED"}
-    operator._running = None
+    Solving.running = None
     assert len(settings.focus_points) == 3 and settings.focus_frame == 6
     assert settings.focus_distance == pytest.approx(distance, rel=0.02)
 
