@@ -25,6 +25,7 @@ from ..core.focus.focus import (
 from ..core.focus.place import Place
 from ..core.focus.pull import FocusMark
 from ..core.frame.meshers import MESHERS
+from ..core.frame.nearest_person import nearest_person
 from ..core.frame.options import FRAME_OPTIONS
 from ..core.frame.plan import FrameOptions
 from ..core.media.clip import Footage, FrameRange, describe, open_footage
@@ -151,7 +152,9 @@ def _chosen_focus(
         if marked := mark_new(settings, found[-1:]):
             say(f"{marked} and in focus")
     for name, frame in focused_subjects(options):
-        found.append(shot_of(settings.id_data).context.subject_place(name, first if frame is None else frame))
+        clip, at = shot_of(settings.id_data).context, first if frame is None else frame
+        is_marked = any(each.name == name for each in clip.marked)
+        found.append(clip.subject_place(name, at) if is_marked else nearest_person(clip, at))
     found.sort(key=lambda place: place.frame)
     for place in found:
         say(f"in focus: {place.distance:.4g} away at frame {place.frame}, from {place.source}")

@@ -11,6 +11,8 @@ from ..core.subjects.strokes import MarkedSubject, Stroke, places_of
 from ..scene.sources.subjects import DEFAULT_NAME
 from .options import UsageError
 
+NEAREST = "nearest"
+"""Name of the nearest person in every frame, which needs no stroke."""
 EXAMPLE = "0.44,0.26 0.45,0.5 0.44,0.8@30"
 
 
@@ -27,8 +29,8 @@ def add_focus_subject(command: argparse.ArgumentParser) -> None:
     """Add the option that puts a subject in focus."""
     command.add_argument(
         "--focus-subject", metavar="[NAME][@FRAME]", nargs="?", const="", action="append",
-        help="keep a marked subject in focus; with a frame, also together with --focus-at, it is one end of"
-        " a focus pull",
+        help="keep a marked subject in focus, or `nearest`, the nearest person of every frame; with a frame,"
+        " also together with --focus-at, it is one end of a focus pull",
     )  # fmt: skip
 
 
@@ -59,7 +61,7 @@ def focused_subjects(options: argparse.Namespace) -> list[tuple[str, int | None]
         except ValueError:
             raise UserError(f"the subject {text!r} is not valid; write NAME, NAME@FRAME or @FRAME") from None
         name = name or (marked[0] if marked else DEFAULT_NAME)
-        if name not in marked:
+        if name not in marked and name != NEAREST:
             raise UsageError(
                 f"there is no stroke on a subject {name!r} to focus on; mark it with --subject, such as"
                 f" --subject {'' if name == DEFAULT_NAME else f'{name}='}{EXAMPLE}"

@@ -10,7 +10,7 @@ import pytest
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
-from addon.core.focus.pull import FocusMark, smoothstep, unseen
+from addon.core.focus.pull import EASINGS, FocusMark, smoothstep, unseen
 from addon.core.focus.pull import pull as pull_marks
 from sample_scenes import rack
 from sample_scenes.filming import true_cameras
@@ -106,9 +106,47 @@ def test_points_that_no_frame_shows_for_a_while_are_carried() -> None:
 
 
 def test_an_even_pull_is_linear_in_inverse_depth() -> None:
-    distances = pull_marks([FocusMark.of(NEAR), FocusMark(9, (FAR,), smooth=False)], walk(), FRAMES)
+    distances = pull_marks([FocusMark.of(NEAR), FocusMark(9, (FAR,), easing="LINEAR")], walk(), FRAMES)
     inverse = np.array([1 / distances[frame] for frame in range(3, 10)])
     assert np.diff(inverse) == pytest.approx(np.full(6, (1 / 12 - 1 / 4) / 6))
+
+
+@pytest.mark.parametrize("easing", EASINGS)
+def test_every_easing_goes_from_one_mark_to_the_other(easing: str) -> None:
+    time = np.linspace(0, 1, 21)
+    share = EASINGS[easing](time)
+    assert share[0] == 0 and share[-1] == 1 and (np.diff(share) >= 0).all()
+
+
+def test_easings_start_and_arrive_as_they_are_named() -> None:
+    first, last = 0.05, 0.95
+    speeds = {name: (ease(first) / first, (1 - ease(last)) / (1 - last)) for name, ease in EASINGS.items()}
+    assert max(speeds["SMOOTH"]) < 0.3 and speeds["LINEAR"] == pytest.approx((1, 1))
+    assert speeds["EASE_IN"][0] < 0.1 and speeds["EASE_IN"][1] > 1.9
+    assert speeds["EASE_OUT"][0] > 1.9 and speeds["EASE_OUT"][1] < 0.1
+
+
+def test_a_pull_of_its_own_length_arrives_on_the_mark() -> None:
+    marks = [FocusMark.of(NEAR), FocusMark(9, (FAR,), pull=2)]
+    distances = pull_marks(marks, walk(), FRAMES)
+    assert [distances[frame] for frame in range(1, 8)] == pytest.approx([4.0] * 7)
+    assert distances[8] == pytest.approx(6.0) and distances[9] == pytest.approx(12.0)
+    # One that is longer than the time between the marks takes all of it.
+    longer = pull_marks([FocusMark.of(NEAR), FocusMark(9, (FAR,), pull=100)], walk(), FRAMES)
+    assert longer == pull_marks([FocusMark.of(NEAR), FocusMark.of(FAR)], walk(), FRAMES)
+
+
+def test_a_cut_stays_on_the_mark_before() -> None:
+    distances = pull_marks([FocusMark.of(NEAR), FocusMark(9, (FAR,), easing="CUT")], walk(), FRAMES)
+    assert [distances[frame] for frame in (8, 9, 10)] == pytest.approx([4.0, 12.0, 12.0])
+
+
+def test_a_held_distance_is_not_followed() -> None:
+    clip = walk(0.1)
+    followed, held = FocusMark(3, (NEAR,)), FocusMark(3, (NEAR,), holds=True)
+    assert pull_marks([followed], clip, FRAMES)[11] == pytest.approx(3.0)
+    assert list(pull_marks([held], clip, FRAMES).values()) == pytest.approx([3.8] * len(FRAMES))
+    assert unseen([held], clip, FRAMES) == [] != unseen([followed], clip, FRAMES)
 
 
 def test_of_several_places_the_mean_inverse_depth_is_in_focus() -> None:

@@ -16,6 +16,7 @@ from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark
 from addon.scene.build import build
 from addon.scene.focus import focus_curve, focus_marks
+from addon.scene.focus.kept_places import marks_of
 from addon.scene.focus.refocus import keep_focus, restore_focus
 from addon.scene.lens import lens
 from addon.scene.sources.shot import Shot
@@ -101,12 +102,34 @@ def test_a_place_in_the_world_is_keyed_where_the_camera_moves(scene: bpy.types.S
         assert distance(scene, frame) == pytest.approx(true, rel=1e-5)
 
 
+def test_a_mark_has_a_pull_of_its_own_and_can_hold_its_distance(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    world = np.array([0.2, -0.1, 7.0])
+    focus_marks.put(settings, 2, [replace(at(2, 7.0), world=world)])
+    held = distance(scene, 2)
+    assert abs(distance(scene, 12) - held) > 0.01
+    settings.marks.items[0].holds = True
+    assert keys(scene) is None and distance(scene, 12) == distance(scene, 2) == pytest.approx(held, rel=1e-5)
+    focus_marks.put(settings, 10, [at(10, 12.0)], add=True)
+    settings.marks.items[1].pull = 2
+    assert [distance(scene, frame) for frame in (2, 8, 10)] == pytest.approx([held, held, 12.0], rel=1e-5)
+    assert held < distance(scene, 9) < 12
+    settings.marks.items[1].easing = "CUT"
+    assert distance(scene, 9) == pytest.approx(held, rel=1e-5)
+    kept = marks_of(settings)
+    focus_marks.replace_all(settings, kept)
+    assert [(m.easing, m.pull, m.holds) for m in marks_of(settings)] == [
+        ("SMOOTH", 0, True),
+        ("CUT", 2, False),
+    ]
+
+
 def test_of_two_places_the_mean_inverse_depth(scene: bpy.types.Scene, shot: Shot) -> None:
     mover = Place(Focus(distance=4.0), 5, 4.0, "a mover", followed={4: 4.0, 5: 4.0, 6: 4.0})
     focus_marks.put(scene.virtual_aperture, 5, [mover, at(5, 12.0)])
     assert distance(scene, 5) == pytest.approx(6.0)
     # They are kept in the .blend.
-    (kept,) = focus_marks.marks_of(scene.virtual_aperture)
+    (kept,) = marks_of(scene.virtual_aperture)
     assert [dict(place.followed) for place in kept.places] == [{4: 4.0, 5: 4.0, 6: 4.0}, {}]
 
 
@@ -243,7 +266,7 @@ def test_marks_are_kept_over_a_new_solve(scene: bpy.types.Scene, shot: Shot) -> 
         settings,
         [
             FocusMark.of(points(shot, 2, 5, 6, 7)),
-            FocusMark(6, (replace(at(4, 7.0), world=world, xy=(0.52, 0.47)),), smooth=False),
+            FocusMark(6, (replace(at(4, 7.0), world=world, xy=(0.52, 0.47)),), easing="LINEAR"),
             FocusMark.of(at(9, 12.0)),
         ],
     )

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 from addon.core.base.arrays import Bytes, Mask
+from addon.core.base.errors import UserError
 from addon.core.depth.depth_store import DepthStore, encoded
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.frame.first_person import face_of, middle_of, nearest_subject
+from addon.core.frame.nearest_person import _weights, nearest_person
 from addon.core.media.clip import open_footage
 from addon.core.subjects.clip_subjects import PEOPLE, ClipSubject, ClipSubjects
 from addon.core.subjects.cut import Cut
@@ -65,6 +67,30 @@ def test_the_nearest_subject_in_the_first_frame_that_shows_one_is_in_focus() -> 
     assert found is not None and (found.frame, found.distance) == (2, NAMES["near"])
     assert found.source == "the nearest person" and sorted(found.followed) == list(walls.FRAMES)
     assert found.xy == pytest.approx((90 / WIDTH, 80 / HEIGHT), abs=0.01)
+
+
+def test_focus_goes_over_to_whoever_comes_nearer() -> None:
+    clip = walls.filmed(walls.still)
+    crowd = Crowd(clip.reconstruction, clip.read)
+    found = nearest_person(crowd, 2)
+    assert found.subject == "nearest person" and sorted(found.followed) == list(walls.FRAMES)
+    inverse = np.array([1 / found.followed[frame] for frame in walls.FRAMES])
+    # `late` is the nearest from frame 5 on; nobody is seen in the first frame.
+    assert (np.diff(inverse) >= -1e-12).all() and inverse.max() <= 1 / NAMES["late"] + 1e-12
+    with pytest.raises(UserError, match="no person was found"):
+        nearest_person(clip, 2)
+
+
+def test_focus_on_people_neither_flickers_nor_jumps() -> None:
+    inverse = np.tile([[0.25], [0.5], [0.4]], (1, 80))
+    shown = np.ones((3, 80), bool)
+    shown[1, :40] = False  # Until then the third is the nearest,
+    shown[2, 10:12] = False  # who is lost for two frames.
+    weights = _weights(inverse, shown)
+    assert weights.sum(axis=0) == pytest.approx(np.ones(80))
+    focus = (weights * inverse).sum(axis=0)
+    assert focus[:30] == pytest.approx(np.full(30, 0.4)) and focus[50:] == pytest.approx(np.full(30, 0.5))
+    assert (np.diff(focus) >= -1e-12).all() and np.diff(focus).max() < 0.025
 
 
 def test_without_people_a_moving_object_is_in_focus() -> None:

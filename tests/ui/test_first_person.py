@@ -83,6 +83,20 @@ def test_the_nearest_person_takes_the_place_of_the_first_focus(
     assert missing not in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
 
 
+def test_focus_follows_the_nearest_person(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    if not Networks().exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+    pictures = [walls.with_person(frame)[..., ::-1] for frame in FEW]
+    footage = open_footage(planes.write_clip(tmp_path / "walls", pictures, FEW[0]))
+    settings = build(scene, footage, walls.filmed(walls.with_person, FEW).reconstruction)
+    scene.frame_set(FEW[4])
+    assert bpy.ops.virtual_aperture.follow_nearest() == {"FINISHED"}
+    (mark,) = settings.marks.items
+    assert mark.name == "Nearest person" and mark.frame == FEW[4]
+    assert list(mark.places[0]["followed_frames"]) == list(FEW)
+    assert settings.focus_distance == pytest.approx(walls.NEAR, rel=0.02)
+
+
 def test_a_first_focus_without_a_place_is_a_distance(scene: bpy.types.Scene, tmp_path: Path) -> None:
     """As where the camera turns away from the first place, or passes it."""
     footage = open_footage(planes.write_clip(tmp_path / "still", [walls.still(each) for each in FEW], FEW[0]))

@@ -119,6 +119,11 @@ CASES = {
         f"{SUBJECT}::test_a_stroke_is_refused",
         "No subject is marked",
     ),
+    "follow_nearest": Case(
+        "ui/test_first_person.py::test_focus_follows_the_nearest_person",
+        f"{SUBJECT}::test_a_stroke_is_refused",
+        "no person was found in the clip",
+    ),
     "carry_subject": Case(
         f"{SUBJECT}::test_a_subject_is_carried_and_in_focus",
         f"{SUBJECT}::test_a_stroke_is_refused",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -22,9 +22,12 @@ class FocusMark:
     places: tuple[Place, ...]
     """One or more; of several, which may have been picked in other frames, the mean of their inverse depths
     is in focus."""
-    smooth: bool = True
-    """Whether focus goes to this mark smoothly, else evenly in inverse depth, and all at once where it begins
-    and ends."""
+    easing: str = "SMOOTH"
+    """How focus goes to this mark from the one before, a key of `EASINGS`."""
+    pull: int = 0
+    """Frames before the mark in which it goes there; 0 takes all since the mark before."""
+    holds: bool = False
+    """True if the distance at the mark's own frame is kept; otherwise its places are followed."""
 
     @classmethod
     def of(cls, place: Place) -> FocusMark:
@@ -33,8 +36,9 @@ class FocusMark:
 
     def inverse_depths(self, reconstruction: Reconstruction, frames: Sequence[int]) -> Floats:
         """Return the inverse depths (n,) at frames (n,); see the function of this name."""
-        found = [inverse_depths(place, reconstruction, frames) for place in self.places]
-        return np.asarray(np.mean(found, axis=0))
+        asked = [self.frame] if self.holds else frames
+        found = np.mean([inverse_depths(place, reconstruction, asked) for place in self.places], axis=0)
+        return np.asarray(np.broadcast_to(found, len(frames)) if self.holds else found)
 
 
 def pull(
@@ -43,9 +47,9 @@ def pull(
     """Distance of the focal plane, in the reconstruction's unit, at each of some frames.
 
     At its own frame each mark is in focus. Between two the inverse depth goes from that of the one to that
-    of the other by the smoothstep s = t^2 (3 - 2 t) of the time t between them: it starts and stops without a
-    jolt, and blur discs grow and shrink evenly; or by t itself. Both marks are followed meanwhile; before the
-    first and after the last that one is. UserError for two marks at the same frame.
+    of the other by the easing of the time between them, or of its last frames where the mark has a pull of
+    its own: it arrives on the mark. Both marks are followed meanwhile; before the first and after the last
+    that one is. UserError for two marks at the same frame.
     """
     order = sorted(marks, key=lambda mark: mark.frame)
     for one, other in pairwise(order):
@@ -58,8 +62,9 @@ def pull(
     for one, other in pairwise(order):
         between = (at > one.frame) & (at <= other.frame)
         now = at[between].tolist()
-        time = (at[between] - one.frame) / (other.frame - one.frame)
-        share = smoothstep(time) if other.smooth else time
+        begin = max(other.frame - other.pull, one.frame) if other.pull else one.frame
+        time = np.clip((at[between] - begin) / (other.frame - begin), 0, 1)
+        share = EASINGS[other.easing](time)
         from_one, to_other = (mark.inverse_depths(reconstruction, now) for mark in (one, other))
         inverse[between] = (1 - share) * from_one + share * to_other
     after = at > order[-1].frame
@@ -71,6 +76,16 @@ def smoothstep(time: Floats) -> Floats:
     """Return shares of any shape: 0 up to time 0, 1 from time 1 on, with a smooth transition."""
     held = np.clip(time, 0, 1)
     return np.asarray(held**2 * (3 - 2 * held))
+
+
+EASINGS: dict[str, Callable[[Floats], Floats]] = {
+    "SMOOTH": smoothstep,
+    "LINEAR": lambda time: time,
+    "EASE_IN": np.square,
+    "EASE_OUT": lambda time: 1 - (1 - time) ** 2,
+    "CUT": lambda time: np.floor(time),
+}
+"""Shares (n,) of the way to a mark, by shares (n,) of the time from 0 to 1."""
 
 
 def inverse_depths(place: Place, reconstruction: Reconstruction, frames: Sequence[int]) -> Floats:
@@ -95,7 +110,7 @@ def unseen(marks: Sequence[FocusMark], reconstruction: Reconstruction, frames: S
     """Return the frames, of those given, that do not show any place of the mark that is followed there.
 
     A place is shown where a point of it is seen, where it lies within the picture, or where it could be
-    followed. Between two marks both are followed. A bare distance is shown everywhere.
+    followed. Between two marks both are followed. A distance, bare or held, is shown everywhere.
     """
     order = sorted(marks, key=lambda mark: mark.frame)
     at = np.array(frames)
@@ -103,7 +118,7 @@ def unseen(marks: Sequence[FocusMark], reconstruction: Reconstruction, frames: S
     for number, mark in enumerate(order):
         low = order[number - 1].frame if number else -np.inf
         high = order[number + 1].frame if number + 1 < len(order) else np.inf
-        for row in np.flatnonzero((at > low) & (at < high)):
+        for row in () if mark.holds else np.flatnonzero((at > low) & (at < high)):
             shown = any(_is_shown(place, reconstruction, int(at[row])) for place in mark.places)
             hidden[row] |= not shown
     return [int(frame) for frame in at[hidden]]

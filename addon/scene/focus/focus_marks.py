@@ -32,13 +32,12 @@ from ..base.timeline import clip_frame
 from ..lens import lens
 from ..sources.shot import reconstruction_of
 from . import focus_curve
+from .kept_places import fill, marks_of
 
 NEARER = 3.0
 """Times that the first focus may come nearer before it stays at its distance instead. In a clip of a
 restaurant the camera passes its points: at their distance, discs of all else are as wide as a quarter of the
 picture."""
-FOLLOWED, FOLLOWED_FRAMES = "followed", "followed_frames"
-"""Custom properties of a place on a moving object: its distances, and the frames of those."""
 
 
 def _rewrite(mark: VirtualApertureFocusMark, _context: bpy.types.Context) -> None:
@@ -93,9 +92,24 @@ class VirtualApertureFocusMark(bpy.types.PropertyGroup):
         name="Easing",
         description="How focus moves to this mark from the previous one",
         items=[
-            ("SMOOTH", "Smooth", "Eases in and out", "IPO_EASE_IN_OUT", 0),
+            ("SMOOTH", "Smooth", "Starts and arrives slowly", "IPO_EASE_IN_OUT", 0),
             ("LINEAR", "Linear", "Blur changes at a constant rate", "IPO_LINEAR", 1),
+            ("EASE_IN", "Ease In", "Starts slowly and arrives at full speed", "IPO_EASE_IN", 2),
+            ("EASE_OUT", "Ease Out", "Starts at full speed and arrives slowly", "IPO_EASE_OUT", 3),
+            ("CUT", "Cut", "Stays on the previous mark up to this one", "IPO_CONSTANT", 4),
         ],
+        update=_rewrite,
+    )
+    pull: IntProperty(
+        name="Pull Over",
+        description="Frames before this mark in which focus moves to it; until then it stays on the previous"
+        " one. 0 takes all frames between the two",
+        min=0,
+        update=_rewrite,
+    )
+    holds: BoolProperty(
+        name="Hold Distance",
+        description="Keep the distance at the mark's frame instead of following what was picked",
         update=_rewrite,
     )
     places: CollectionProperty(type=VirtualApertureFocusPlace)
@@ -124,18 +138,6 @@ class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
     )
 
 
-def places_of(mark: bpy.types.PropertyGroup) -> tuple[Place, ...]:
-    """Return the places of a mark; of one without any, its bare distance."""
-    if not len(mark.places):
-        return (Place(Focus(distance=mark.distance), mark.frame, mark.distance, "a distance"),)
-    return tuple(map(_place, mark.places))
-
-
-def marks_of(settings: bpy.types.PropertyGroup) -> list[FocusMark]:
-    """Return the marks as the core sees them."""
-    return [FocusMark(mark.frame, places_of(mark), mark.easing == "SMOOTH") for mark in settings.marks.items]
-
-
 def put(
     settings: bpy.types.PropertyGroup, frame: int, places: Sequence[Place], add: bool = False
 ) -> bpy.types.PropertyGroup:
@@ -155,7 +157,7 @@ def put(
         if mark is None:
             mark = group.items.add()
         mark.frame = frame
-        _fill(mark, places)
+        fill(mark, places)
         group.is_first = False
         _sort(settings, frame)
     write(settings)
@@ -170,7 +172,7 @@ def _add_present(settings: bpy.types.PropertyGroup) -> None:
     if focus.points or distance > 0:
         mark = settings.marks.items.add()
         mark.frame = frame
-        _fill(mark, [Place(replace(focus, tilt=0.0, swing=0.0), frame, distance or 1.0, "picked before")])
+        fill(mark, [Place(replace(focus, tilt=0.0, swing=0.0), frame, distance or 1.0, "picked before")])
 
 
 def replace_all(settings: bpy.types.PropertyGroup, marks: Iterable[FocusMark]) -> None:
@@ -179,8 +181,8 @@ def replace_all(settings: bpy.types.PropertyGroup, marks: Iterable[FocusMark]) -
         settings.marks.items.clear()
         for each in marks:
             mark = settings.marks.items.add()
-            mark.frame, mark.easing = each.frame, "SMOOTH" if each.smooth else "LINEAR"
-            _fill(mark, each.places)
+            mark.frame, mark.easing, mark.pull, mark.holds = each.frame, each.easing, each.pull, each.holds
+            fill(mark, each.places)
         settings.marks.is_first = False
         _sort(settings)
     write(settings)
@@ -197,7 +199,7 @@ def on_distance(settings: bpy.types.PropertyGroup) -> None:
     if len(group.items) != 1 or not distance > 0 or lens.has_keys(settings, "focus_distance"):
         return
     (mark,) = group.items
-    _fill(mark, [Place(Focus(distance=distance), mark.frame, distance, "a distance")])
+    fill(mark, [Place(Focus(distance=distance), mark.frame, distance, "a distance")])
     group.is_first = False
 
 
@@ -241,7 +243,7 @@ def say_the_focus(settings: bpy.types.PropertyGroup) -> bool:
     group = settings.marks
     if not len(group.items) or lens.has_keys(settings, "focus_distance"):
         return bool(len(group.items))
-    steady, own = _steady(marks_of(settings)), lens.focus_of_settings(settings)
+    steady, own = _steady(settings, marks_of(settings)), lens.focus_of_settings(settings)
     if steady is None or steady.points != own.points:
         return False
     return bool(own.points) or settings.focus_distance == group.items[0].distance
@@ -266,7 +268,7 @@ def write(settings: bpy.types.PropertyGroup) -> None:
             focus_curve.remove(settings)
             lens.clear_points(settings)
             return
-        first, steady = marks[0], _steady(marks)
+        first, steady = marks[0], _steady(settings, marks)
         focus = steady or Focus(distance=float(np.mean([place.distance for place in first.places])))
         focus = replace(focus, tilt=at.tilt, swing=at.swing)
         if steady is not None:
@@ -312,11 +314,14 @@ def put_first(settings: bpy.types.PropertyGroup, place: Place) -> None:
     settings.marks.is_first = True
 
 
-def _steady(marks: Sequence[FocusMark]) -> Focus | None:
+def _steady(settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark]) -> Focus | None:
     """The focus of a single mark that needs no keys: feature points, or a bare distance."""
     if len(marks) > 1:
         return None
     places = marks[0].places
+    if marks[0].holds:
+        inverse = marks[0].inverse_depths(reconstruction_of(settings), [marks[0].frame])
+        return Focus(distance=float(1 / inverse[0]))
     if all(place.focus.points for place in places):
         points = dict.fromkeys(point for place in places for point in place.focus.points)
         through = any(place.focus.through_points for place in places)
@@ -336,59 +341,6 @@ def _sort(settings: bpy.types.PropertyGroup, active: int | None = None) -> None:
             next(n for n, mark in enumerate(group.items) if n >= goal and mark.frame == frame), goal
         )
     group.active = next((n for n, mark in enumerate(group.items) if mark.frame == chosen), 0)
-
-
-def _fill(mark: bpy.types.PropertyGroup, places: Sequence[Place]) -> None:
-    """Replace the places of a mark."""
-    mark.places.clear()
-    mark.distance = float(1 / np.mean([1 / place.distance for place in places]))
-    mark.name = _name_of(places)
-    if len(places) == 1 and _is_bare(places[0]):
-        return
-    for place in places:
-        kept = mark.places.add()
-        kept.frame, kept.distance, kept.source = place.frame, place.distance, place.source
-        kept.through_points = place.focus.through_points
-        if place.xy is not None:
-            kept.xy = place.xy
-        for point in place.focus.points:
-            kept.points.add().point = point
-        if place.world is not None:
-            kept.has_world, kept.world = True, place.world
-        if place.followed:
-            frames = sorted(place.followed)
-            kept[FOLLOWED_FRAMES] = np.array(frames, np.int32)
-            kept[FOLLOWED] = np.array([place.followed[frame] for frame in frames])
-
-
-def _is_bare(place: Place) -> bool:
-    return not (place.focus.points or place.followed) and place.world is None
-
-
-def _place(kept: bpy.types.PropertyGroup) -> Place:
-    points = tuple(entry.point for entry in kept.points)
-    focus = Focus(points, through_points=kept.through_points) if points else Focus(distance=kept.distance)
-    followed: dict[int, float] = {}
-    if FOLLOWED in kept:
-        followed = dict(zip(map(int, kept[FOLLOWED_FRAMES]), map(float, kept[FOLLOWED]), strict=True))
-    world = np.array(kept.world, np.float64) if kept.has_world else None
-    xy = (float(kept.xy[0]), float(kept.xy[1])) if kept.xy[0] >= 0 else None
-    return Place(focus, kept.frame, kept.distance, kept.source, world, followed, xy)
-
-
-def _name_of(places: Sequence[Place]) -> str:
-    """A short name of the picked thing for a list; the thumbnail shows the rest."""
-    if len(places) > 1:
-        return "Places"
-    (place,) = places
-    if place.followed:
-        name = place.subject or "subject"
-        return f"{name[0].upper()}{name[1:]}"
-    if place.xy is not None or place.world is not None:
-        return "Place"
-    if place.focus.points:
-        return "Point" if len(place.focus.points) == 1 else "Points"
-    return "Distance"
 
 
 CLASSES = (

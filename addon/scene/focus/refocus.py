@@ -16,6 +16,7 @@ from ...core.media.find_clip import is_clip
 from ..lens import lens
 from ..sources.shot import reconstruction_of
 from . import focus_marks
+from .kept_places import marks_of
 
 LENGTHS = ("focus_distance", "aperture_radius")
 """Properties of the lens in scene units, which are other ones after a new solve."""
@@ -51,7 +52,7 @@ def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | Non
     if not focus.points and focus.distance is None and not scale:
         return None
     radius = settings.aperture_radius
-    marks = focus_marks.marks_of(settings) if focus_marks.say_the_focus(settings) else []
+    marks = marks_of(settings) if focus_marks.say_the_focus(settings) else []
     try:
         old = reconstruction_of(settings)
     except UserError:

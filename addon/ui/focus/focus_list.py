@@ -12,6 +12,7 @@ from ...core.focus.focus import Focus
 from ...core.focus.place import Place
 from ...scene.base.timeline import clip_frame, go_to
 from ...scene.focus import focus_curve, focus_marks
+from ...scene.focus.kept_places import marks_of
 from ...scene.lens import aperture_cloud, blender_focus, lens
 from ...scene.lens.depth_of_field import length_words
 from ..base.operators import Result, has_focus, has_solve, is_met, may_change, reported
@@ -100,7 +101,7 @@ class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
 
 def held(settings: bpy.types.PropertyGroup, frame: int) -> list[Place]:
     """Return the focus at a frame: the places of the mark that is held there, else the distance."""
-    marks = sorted(focus_marks.marks_of(settings), key=lambda mark: mark.frame)
+    marks = sorted(marks_of(settings), key=lambda mark: mark.frame)
     if marks and (len(marks) == 1 or frame > marks[-1].frame):
         return list(marks[-1].places)
     if marks and frame < marks[0].frame:
@@ -200,7 +201,7 @@ class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the list, its operators, and the active mark's frame and easing."""
+    """Draw the list, its operators, and the settings of the active mark."""
     settings = context.scene.virtual_aperture
     group = settings.marks
     row = layout.row()
@@ -213,10 +214,16 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     side.operator(VIRTUAL_APERTURE_OT_remove_focus_mark.bl_idname, text="", icon="REMOVE")
     side.operator(VIRTUAL_APERTURE_OT_hold_focus.bl_idname, text="", icon="KEYFRAME")
     side.operator(VIRTUAL_APERTURE_OT_move_focus_mark.bl_idname, text="", icon="TRACKING_REFINE_FORWARDS")
-    if len(group.items) > 1 and group.active < len(group.items):
+    if group.active < len(group.items):
         mark = group.items[group.active]
-        layout.prop(mark, "frame", text="Mark Frame")
-        layout.prop(mark, "easing")
+        if len(group.items) > 1:
+            layout.prop(mark, "frame", text="Mark Frame")
+        if group.active > 0:
+            layout.prop(mark, "easing")
+            row = layout.row()
+            row.active = mark.easing != "CUT"
+            row.prop(mark, "pull")
+        layout.prop(mark, "holds")
     if hidden := unseen_frames(settings):
         line = layout.row(align=True)
         line.label(text=f"Hidden in {counted(len(hidden), 'frame')}", icon="HIDE_ON")

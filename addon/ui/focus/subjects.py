@@ -13,6 +13,7 @@ from ...core.base.errors import UserError
 from ...core.base.progress import part
 from ...core.focus.place import Place
 from ...core.frame.clip_context import ClipContext
+from ...core.frame.nearest_person import nearest_person
 from ...core.subjects.carried import UNSURE
 from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
@@ -89,6 +90,32 @@ class VIRTUAL_APERTURE_OT_focus_subject(WorksOnActive, bpy.types.Operator):  # n
         return focus_on(scene.virtual_aperture, self._frame, [found], self.add)
 
 
+class VIRTUAL_APERTURE_OT_follow_nearest(WorksMeanwhile, bpy.types.Operator):  # noqa: N801
+    """Focus on the nearest person in every frame, and go over smoothly where another one comes nearer"""
+
+    bl_idname = "virtual_aperture.follow_nearest"
+    bl_label = "Follow Nearest Person"
+    bl_options = {"UNDO"}  # noqa: RUF012
+    doing = "Finding people in all frames"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_idle = not WorksMeanwhile._under_way
+        return (
+            may_change(cls, context)
+            and has_solve(cls, context)
+            and is_met(cls, is_idle, "Another subject is being worked on")
+        )
+
+    def work(self, context: bpy.types.Context) -> Callable[[], Place]:
+        clip = shot_of(context.scene).context
+        self._frame = clip.reconstruction.image_at(clip_frame(context.scene))[0].frame
+        return partial(nearest_person, clip, self._frame)
+
+    def finish(self, scene: bpy.types.Scene, found: Place) -> str:
+        return focus_on(scene.virtual_aperture, self._frame, [found])
+
+
 class VIRTUAL_APERTURE_OT_carry_subject(WorksOnActive, bpy.types.Operator):  # noqa: N801
     """Find the active subject in all frames now, and list the frames where another stroke would help"""
 
@@ -149,6 +176,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.virtual_aperture
     group = settings.subjects
     layout.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, icon="BRUSH_DATA")
+    layout.operator(VIRTUAL_APERTURE_OT_follow_nearest.bl_idname, icon="COMMUNITY")
     if not len(group.items):
         return
     row = layout.row()
@@ -172,6 +200,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 CLASSES = (
     VIRTUAL_APERTURE_UL_subjects,
     VIRTUAL_APERTURE_OT_focus_subject,
+    VIRTUAL_APERTURE_OT_follow_nearest,
     VIRTUAL_APERTURE_OT_carry_subject,
     VIRTUAL_APERTURE_OT_remove_subject,
 )

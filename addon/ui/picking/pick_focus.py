@@ -10,6 +10,7 @@ from ...core.focus.place import Place, PlaceFinder
 from ...scene.base.timeline import clip_frame
 from ...scene.focus import focus_marks
 from ...scene.focus.clicks import place_at
+from ...scene.focus.kept_places import places_of
 from ...scene.lens import aperture_cloud
 from ...scene.sources.shot import shot_of
 from ..base.operators import Result, reported
@@ -64,7 +65,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
 
     def picked(self) -> list[Place]:
         mark = self._mark()
-        places = list(focus_marks.places_of(mark)) if mark is not None and len(mark.places) else []
+        places = list(places_of(mark)) if mark is not None and len(mark.places) else []
         self._had_places = bool(places)
         return places
 
