@@ -6,6 +6,7 @@ import argparse
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -22,12 +23,14 @@ from ..core.focus.focus import (
     radius_for_blur,
     sharp_distances,
 )
+from ..core.focus.picking import unsolved
 from ..core.focus.place import Place
 from ..core.focus.pull import FocusMark
 from ..core.frame.meshers import MESHERS
 from ..core.frame.nearest_person import nearest_person
 from ..core.frame.options import FRAME_OPTIONS
 from ..core.frame.plan import FrameOptions
+from ..core.frame.repairs import read_repairs
 from ..core.media.clip import Footage, FrameRange, describe, open_footage
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
@@ -37,6 +40,7 @@ from ..scene.focus import focus_marks
 from ..scene.focus.clicks import place_at
 from ..scene.lens import aperture_cloud
 from ..scene.lens.lens import frame_options, set_aperture, set_focus
+from ..scene.lens.repairs import add_repairs
 from ..scene.properties import VirtualApertureSettings
 from ..scene.sources import colour_space
 from ..scene.sources.shot import shot_of
@@ -122,6 +126,7 @@ def set_lens(
         if (value := getattr(options, name)) is not None:
             setattr(settings, name, value)
     set_shape(settings, options.aperture)
+    _set_repairs(settings, reconstruction, options.repair)
     aperture_cloud.update(settings)
 
 
@@ -162,6 +167,17 @@ def _chosen_focus(
         return found[0].focus, found[0].frame, found
     # The aperture is chosen for the first one, and stays.
     return Focus(distance=found[0].distance), found[0].frame, found
+
+
+def _set_repairs(
+    settings: VirtualApertureSettings, reconstruction: Reconstruction, file: Path | None
+) -> None:
+    """Add the repairs of a file; UserError where one is of a frame without a camera."""
+    made = read_repairs(file) if file else ()
+    for each in made:
+        if each.frame not in reconstruction.frames:
+            raise UserError(f"{file}: {unsolved(reconstruction, each.frame)}")
+    add_repairs(settings, made)
 
 
 def _set_depth_maps(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:

@@ -13,12 +13,15 @@ from ..core.base.errors import UserError
 from ..core.base.regular_file import read_regular
 from ..core.focus.focus import FEWEST_IN_PLANE
 from ..core.frame.options import FRAME_OPTIONS
+from ..core.frame.repairs import KINDS, read_repairs
 from .aperture import add_aperture, placed
 from .blend import is_blend
 from .options import Parser, UsageError, add_options, real, whole
 from .paths import path
 from .subjects import add_focus_subject, add_subjects, focused_subjects
 
+PATHS = ("depth", "mask", "repair")
+"""Options that are paths."""
 NEEDED = "focus_is_needed"
 """Attribute of parsed options: whether a focus must be given."""
 DEFAULT_BLUR = 0.03
@@ -65,6 +68,11 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         "--depth", type=path, metavar="PATH",
         help="your own depth maps of any scale and kind: a folder of EXR, PNG or .npz, or a single .npz or"
         " .zip; or a depth network (.onnx)",
+    )  # fmt: skip
+    command.add_argument(
+        "--repair", type=path, metavar="FILE.json",
+        help="strokes that mend mistakes of the depth and are carried through the clip: a JSON list of kind"
+        f" ({', '.join(KINDS)}), frame, places, radius, amount, reference",
     )  # fmt: skip
     add_moving(command)
     add_focus_subject(command)
@@ -151,7 +159,11 @@ def read_lens(file: Path, options: argparse.Namespace) -> None:
                 raise UserError("there is no such option")
             if name in FRAME_OPTIONS:
                 FRAME_OPTIONS[name].check(value)
-            setattr(options, name, file.absolute().parent / value if name in ("depth", "mask") else value)
+            setattr(
+                options,
+                name,
+                file.absolute().parent / value if name in ("depth", "mask", "repair") else value,
+            )
         except (UserError, TypeError) as error:
             raise UserError(f"{file}: {name} cannot be {value!r}: {error}") from None
     try:
@@ -192,6 +204,8 @@ def check_numbers(options: argparse.Namespace) -> None:
         raise UserError("give the number of views or the target quality, not both")
     if options.focus_distance is not None and not options.focus_distance > 0:
         raise UserError(f"--focus-distance is {options.focus_distance:g}; it must be greater than zero")
+    if options.repair:
+        read_repairs(options.repair)
     _check_places(_focus_places(options))
     _check_tilt(options)
 

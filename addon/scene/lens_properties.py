@@ -18,6 +18,7 @@ from .focus import focus_marks
 from .focus.focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
 from .lens import aperture_cloud, depth_of_field, highlight_stops, lens
 from .lens.aperture_shape import VirtualApertureShape
+from .lens.repairs import VirtualApertureRepairs
 
 MOST_TILT = 1.57
 """Radians, a little less than a right angle, at which the focal plane holds the optical axis."""
@@ -59,6 +60,9 @@ def _blur_now(settings: bpy.types.PropertyGroup, stored: float, _is_set: bool) -
 class LensProperties:
     """Focus, blur and aperture."""
 
+    repairs: PointerProperty(
+        type=VirtualApertureRepairs, name="Repairs", description="Strokes that mend mistakes of the depth"
+    )
     focus_by: EnumProperty(
         name="Focus By",
         description="What the focal plane follows",

@@ -16,6 +16,7 @@ from ..core.frame.options import FRAME_OPTIONS
 from .base.option_properties import with_options
 from .clip_properties import ClipProperties
 from .focus import focus_marks
+from .lens import repairs
 from .lens.aperture_shape import VirtualApertureShape
 from .lens_properties import LensProperties, aperture_changed
 from .preview_properties import PreviewProperties
@@ -74,6 +75,7 @@ CLASSES = (
     VirtualApertureHidden,
     *focus_marks.CLASSES,
     *subjects.CLASSES,
+    *repairs.CLASSES,
     VirtualApertureShape,
     VirtualApertureSettings,
 )

@@ -18,11 +18,11 @@ from ..scene.gpu import main_thread
 from ..scene.sources import clip, shot
 from . import panels
 from .base import solving
-from .focus import bokeh, focus_list, focus_strip, lens_presets, subjects, thumbnails
+from .focus import bokeh, focus_list, focus_strip, lens_presets, repair_list, subjects, thumbnails
 from .footage import choose_clip, file_import, find_clip, import_solve, photos, restore, solve, solve_view
 from .jobs import depth_ahead, export, first_person, movie, quit_question, render_clip, report_list
 from .panels import engine_panels, live_preview, preferences, wipe
-from .picking import pick_focus, pick_subject, pick_vertices, points_overlay, set_scale
+from .picking import paint_repair, pick_focus, pick_subject, pick_vertices, points_overlay, set_scale
 
 CLASSES = (
     *engine.CLASSES,
@@ -42,7 +42,9 @@ CLASSES = (
     *focus_strip.CLASSES,
     *pick_focus.CLASSES,
     *pick_subject.CLASSES,
+    *paint_repair.CLASSES,
     *subjects.CLASSES,
+    *repair_list.CLASSES,
     *import_solve.CLASSES,
     *file_import.CLASSES,
     *lens_presets.CLASSES,

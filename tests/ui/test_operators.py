@@ -119,6 +119,16 @@ CASES = {
         f"{SUBJECT}::test_a_stroke_is_refused",
         "No subject is marked",
     ),
+    "paint_repair": Case(
+        "ui/test_paint_repair.py::test_a_stroke_is_a_repair",
+        "ui/test_paint_repair.py::test_a_repair_is_refused",
+        "frame 40 is after the end of the clip",
+    ),
+    "remove_repair": Case(
+        "ui/test_paint_repair.py::test_a_stroke_is_a_repair",
+        "ui/test_paint_repair.py::test_a_repair_is_refused",
+        "Nothing has been repaired",
+    ),
     "follow_nearest": Case(
         "ui/test_first_person.py::test_focus_follows_the_nearest_person",
         f"{SUBJECT}::test_a_stroke_is_refused",

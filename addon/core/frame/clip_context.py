@@ -39,6 +39,7 @@ from .highlights import RESTORED, ClipHighlights, HighlightSettings
 from .moving_parts import MovingParts
 from .own_lens import OwnLens, own_lens
 from .quality import NORMAL, Quality
+from .repairs import CarriedPlaces
 
 MIXED = 5
 """Width in pixels of the dilation of a matte's soft edge to its mixed pixels in `warp`."""
@@ -142,6 +143,11 @@ class ClipContext:
         if not self._subjects.knows_people:
             return {}
         return {person.name: person.mask(frame) for person in self.people}
+
+    @cached_property
+    def carried_places(self) -> CarriedPlaces:
+        """Places of painted repairs in other frames."""
+        return CarriedPlaces(self._subjects.pictures)
 
     @cached_property
     def _parts(self) -> MovingParts:

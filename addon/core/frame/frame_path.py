@@ -20,6 +20,7 @@ from .meshers import MESHERS
 from .meshers.layers import can_be_layered
 from .meshers.mesher import FrameGeometry
 from .plan import FrameOptions
+from .repairs import repaired
 from .steadied import Steadied, steadied
 from .view_error import views_to_error
 from .warped_frame import MeshedFrame, WarpedFrame, drawn_size, frame_geometry, sampled_disc
@@ -174,6 +175,12 @@ def _with_depth(geometry: FrameGeometry) -> tuple[FrameGeometry, str, float]:
         depth = geometry.clip.depth(
             geometry.frame, geometry.canvas, geometry.picture, geometry.settings.quality
         )
+        if repairs := geometry.settings.repairs:
+            carried = geometry.clip.carried_places
+            depth = repaired(
+                depth, repairs, lambda one: carried.region(one, geometry.frame), geometry.canvas,
+                geometry.picture, geometry.lens,
+            )  # fmt: skip
     geometry, why = replace(geometry, depth=depth), ""
     if depth.confidence is not None and float(np.mean(depth.confidence > SURE)) < FEWEST_SURE:
         geometry, why = replace(geometry, mesher=MESHERS["grid"]), TOO_UNSURE

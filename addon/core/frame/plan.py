@@ -17,6 +17,7 @@ from ..optics.zone import InFocusZone
 from ..warp.mesh import WarpMesh
 from .highlights import RESTORED, HighlightSettings
 from .quality import NORMAL, QUALITIES, Quality
+from .repairs import Repair
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,8 @@ class FrameOptions:
     aperture: Aperture = field(default_factory=Aperture)
     highlights: HighlightSettings = RESTORED
     """Restoration of clipped light."""
+    repairs: tuple[Repair, ...] = ()
+    """Repairs of depth, in their order."""
     quality: Quality = option(  # noqa: RUF009
         NORMAL, "Quality", "Render time against quality", choices=QUALITIES, can_be_keyed=False
     )

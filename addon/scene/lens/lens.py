@@ -25,6 +25,7 @@ from ..base.option_properties import values_of
 from ..base.timeline import clip_frame
 from ..sources.shot import IDENTITY, reconstruction_of
 from . import blender_focus
+from .repairs import repairs_of
 
 BLUR_DIGITS = 4
 """Decimals that the field of the blur shows."""
@@ -98,6 +99,7 @@ def frame_options(settings: bpy.types.PropertyGroup, reconstruction: Reconstruct
     blender_focus.check(settings)
     return FrameOptions(
         focus_of(settings), radius_of(settings, reconstruction), aperture=settings.shape.aperture,
+        repairs=repairs_of(settings),
         **frame_values(values_of(settings, FRAME_OPTIONS)),
     )  # fmt: skip
 

@@ -6,7 +6,7 @@ import bpy
 
 from ...core.base.counting import counted
 from ...scene.lens import blender_focus, depth_of_field
-from ..focus import focus_list, subjects
+from ..focus import focus_list, repair_list, subjects
 from ..picking import pick_vertices
 from .panel import ClosedPanel, split
 
@@ -96,9 +96,18 @@ class VIRTUAL_APERTURE_PT_zone(ClosedPanel, bpy.types.Panel):  # noqa: N801
         column.prop(settings, "blur_behind")
 
 
+class VIRTUAL_APERTURE_PT_repair(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Repair Depth"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        repair_list.draw(split(self.layout), context)
+
+
 CLASSES = (
     VIRTUAL_APERTURE_PT_focus,
     VIRTUAL_APERTURE_PT_zone,
+    VIRTUAL_APERTURE_PT_repair,
     VIRTUAL_APERTURE_PT_subjects,
     VIRTUAL_APERTURE_PT_tilt,
 )

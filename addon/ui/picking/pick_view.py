@@ -148,6 +148,8 @@ class Overlay:
     """True if the point cloud is visible, too."""
     joins: bool = False
     """True if a line connects the last picked place to the mouse."""
+    brush: float = 0.0
+    """Radius of a brush round the mouse, a share of the picture's width; 0 for none."""
     mask: Mask | None = None
     """(h, w) over the source frame: a subject that is lit up."""
     _texture: Any = None
@@ -186,15 +188,21 @@ class Overlay:
         (place,) = self.view.pixels(self.scene, [self.mouse]) or [(0.0, 0.0)]
         if self.joins and self.picked:
             line([*self.view.pixels(self.scene, self.picked[-1:]), place], GREEN, scale)
-        line(ring(place, RING * scale), WHITE, 1.5 * scale)
+        radius = self._brush_pixels() or RING * scale
+        line(ring(place, radius), WHITE, 1.5 * scale)
         _text(self.text, place, self.view.right_border(), scale)
+
+    def _brush_pixels(self) -> float:
+        """Radius of the brush in pixels of the region; 0 without one."""
+        ends = self.view.pixels(self.scene, [(0, 0), (self.brush, 0)])
+        return ends[1][0] - ends[0][0] if ends else 0.0
 
     def _draw_stroke(self, places: Sequence[XY], takes: bool, scale: float) -> None:
         pixels = self.view.pixels(self.scene, places)
         if len(pixels) == 1:
             pixels = [tuple(each) for each in ring(pixels[0], STROKE * scale)]
         if pixels:
-            line(pixels, RED if takes else GREEN, STROKE * scale)
+            line(pixels, RED if takes else GREEN, max(STROKE * scale, 2 * self._brush_pixels()))
 
     def _draw_mask(self) -> None:
         """Draw the subject that is lit up."""

@@ -1,0 +1,173 @@
+"""Painting a repair over a mistake of the depth, in the camera's picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bpy
+
+from ...core.base.errors import UserError
+from ...core.focus.picking import unsolved
+from ...core.frame.repairs import KINDS, Repair, check_repair
+from ...core.subjects.strokes import places_of
+from ...scene.base import redraw
+from ...scene.base.timeline import clip_frame
+from ...scene.lens import repairs
+from ...scene.sources.shot import reconstruction_of
+from ..base.operators import Result, is_met, may_change, reported, sentence
+from .pick_in_view import PicksInView
+from .pick_view import Overlay
+
+EXAMPLE = "0.44,0.26 0.45,0.5"
+APART = 0.004
+"""Share of the picture between two corners of a stroke."""
+FINER = 0.85
+"""Factor on the brush with each press of [."""
+SMALLEST, LARGEST = 0.002, 0.5
+"""Bounds of the brush."""
+
+
+class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa: N801
+    """Paint over a mistake of the depth in the camera view.
+
+    The stroke is carried through the clip. [ and ] change the size of the brush
+    """
+
+    bl_idname = "virtual_aperture.paint_repair"
+    bl_label = "Paint Repair"
+    # Not REGISTER: there is nothing to redo without the mouse.
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    places: bpy.props.StringProperty(
+        name="Places",
+        description=f"Corners of the stroke as fractions of the image from the top left, such as {EXAMPLE}",
+        options={"SKIP_SAVE"},
+    )
+    reference: bpy.props.StringProperty(
+        name="Reference",
+        description="Place with the right depth, for Same as Here, such as 0.4,0.5",
+        options={"SKIP_SAVE"},
+    )
+
+    cursor = "PAINT_BRUSH"
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        try:
+            places = places_of(self.places.split())
+            reference = next(iter(places_of(self.reference.split())), None)
+        except ValueError:
+            raise UserError(
+                f"the stroke {self.places!r} is not valid; write places such as {EXAMPLE}"
+            ) from None
+        self._keep(context.scene, places, reference)
+        return {"FINISHED"}
+
+    def _keep(
+        self,
+        scene: bpy.types.Scene,
+        places: tuple[tuple[float, float], ...],
+        reference: tuple[float, float] | None,
+    ) -> None:
+        """Add the stroke to the repairs; UserError where it is not valid."""
+        settings, frame = scene.virtual_aperture, clip_frame(scene)
+        if frame not in (solved := reconstruction_of(settings)).frames:
+            raise UserError(unsolved(solved, frame))
+        brush = settings.repairs
+        made = Repair(brush.kind.lower(), frame, places, brush.radius, brush.amount)
+        if made.kind == "same":
+            made = replace(made, reference=reference)
+        check_repair(made)
+        repairs.add_repairs(settings, [made])
+        redraw.panels()
+        self.report({"INFO"}, f"Painted {KINDS[made.kind]} at frame {frame}; Ctrl Z takes it back")
+
+    def overlay(self) -> Overlay:
+        return Overlay(self._view, self._scene, shows_points=False)
+
+    def begun(self, context: bpy.types.Context) -> None:
+        self._is_drawing = False
+        self._reference: tuple[float, float] | None = None
+        self._tell()
+
+    def _tell(self) -> None:
+        """Show what the next press of the mouse does."""
+        brush = self._scene.virtual_aperture.repairs
+        self._overlay.brush = brush.radius
+        if brush.kind == "SAME" and self._reference is None:
+            self._say("Click where the depth is right", "ESC: Cancel")
+        else:
+            name = KINDS[brush.kind.lower()]
+            self._say(f"Paint {name} over the mistake", "Drag: Paint    [ ]: Brush Size    ESC: Cancel")
+
+    def on_event(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        is_press = event.value == "PRESS"
+        if event.type in {"ESC", "RIGHTMOUSE"} and is_press:
+            self._end(context)
+            return {"CANCELLED"}
+        if self._is_drawing:
+            return self._draw(context, event)
+        if event.type in {"LEFT_BRACKET", "RIGHT_BRACKET"} and is_press:
+            brush = self._scene.virtual_aperture.repairs
+            times = FINER if event.type == "LEFT_BRACKET" else 1 / FINER
+            brush.radius = min(max(brush.radius * times, SMALLEST), LARGEST)
+            self._tell()
+            return {"RUNNING_MODAL"}
+        if event.type == "LEFTMOUSE" and is_press and self._view.holds(event):
+            self._press(event)
+            return {"RUNNING_MODAL"}
+        if event.type == "MOUSEMOVE":
+            self._overlay.mouse = self._view.place(self._scene, event) if self._view.holds(event) else None
+            self._view.area.tag_redraw()
+        # The view may be moved, and another frame shown.
+        return {"PASS_THROUGH"}
+
+    def _press(self, event: bpy.types.Event) -> None:
+        at, frame = self._view.place(self._scene, event), clip_frame(self._scene)
+        if not self._view.is_through_camera() or at is None:
+            self._say("Paint in the camera view (Numpad 0 looks through the camera)")
+        elif frame not in self._context.reconstruction.frames:
+            self._say(sentence(unsolved(self._context.reconstruction, frame)))
+        elif self._scene.virtual_aperture.repairs.kind == "SAME" and self._reference is None:
+            self._reference, self._overlay.picked = at, [at]
+            self._tell()
+        else:
+            self._is_drawing, self._overlay.line = True, [at]
+
+    def _draw(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        overlay, at = self._overlay, self._view.place(self._scene, event)
+        # Events between two come where the window was busy.
+        if event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "LEFTMOUSE"} and at is not None:
+            (x, y), overlay.mouse = overlay.line[-1], at
+            if max(abs(at[0] - x), abs(at[1] - y)) > APART:
+                overlay.line = [*overlay.line, at]
+        if event.type == "LEFTMOUSE" and event.value == "RELEASE":
+            self._end(context)
+            self._keep(self._scene, tuple(overlay.line), self._reference)
+            return {"FINISHED"}
+        self._view.area.tag_redraw()
+        return {"RUNNING_MODAL"}
+
+
+class VIRTUAL_APERTURE_OT_remove_repair(bpy.types.Operator):  # noqa: N801
+    """Remove the active repair"""
+
+    bl_idname = "virtual_aperture.remove_repair"
+    bl_label = "Remove Repair"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        there = len(context.scene.virtual_aperture.repairs.items)
+        return may_change(cls, context) and is_met(cls, there, "Nothing has been repaired")
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings = context.scene.virtual_aperture
+        kept = settings.repairs.items[settings.repairs.active]
+        said = f"Removed the repair {kept.name} of frame {kept.frame}"
+        repairs.remove_repair(settings, settings.repairs.active)
+        self.report({"INFO"}, said)
+        return {"FINISHED"}
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_paint_repair, VIRTUAL_APERTURE_OT_remove_repair)
