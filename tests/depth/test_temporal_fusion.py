@@ -253,6 +253,18 @@ def test_what_moves_is_not_lent_to_other_frames() -> None:
     np.testing.assert_array_equal(found.moving, moving)
 
 
+def test_beside_a_moving_person_the_road_goes_on() -> None:
+    """Depth is uncertain in a band round a person before a road that comes nearer from top to bottom."""
+    road = WALL + (NEAR - WALL) * (Y / SHAPE[0])
+    moving = (np.abs(X - 160) < 30) & (np.abs(Y - 140) < 70)
+    band = (np.abs(X - 160) < 38) & (np.abs(Y - 140) < 70) & ~moving
+    confidence = np.where(moving, 0.0, np.where(band, 0.2, 1.0))
+    wrong = np.where(band, road - 0.05, np.where(moving, 0.02, road))
+    found = steady([depth(1, wrong, confidence, moving)], 1).inverse_depth
+    off = np.abs(found - road)[band & (np.abs(Y - 140) < 60)] / (NEAR - WALL)
+    assert np.median(off) < 0.05 and np.percentile(off, 95) < 0.12
+
+
 def test_frames_are_brought_into_place() -> None:
     """A frame that knows nothing, between frames that see the near plane elsewhere in the picture."""
     shot = poses(CENTRES)

@@ -44,6 +44,9 @@ is left in the duck's frame 107."""
 HOLE_SHARE = (0.5, 0.7)
 """Shares of own depths around a pixel below which it is in no hole, and from which on it is. Chosen by
 inspection."""
+BESIDE_MOVING = 0.03
+"""Share of the long side from moving pixels within which depth is extrapolated as in holes. Beside a person
+whom the camera follows, uncertain depth is 10 to 15 of 960 pixels wide."""
 BEHIND_POWER = 4.0
 """Unsure pixels beside something near are behind it: weight is depth to this power. Chosen by inspection."""
 BEHIND_RATIO = 1.2
@@ -222,19 +225,23 @@ def _mean_around(values: Map, window: float, border: int) -> Map:
     return np.asarray(total / np.maximum(known, 1e-6), np.float32)
 
 
-def filled(picture: Bytes, inverse: Map, confidence: Map, level: float) -> tuple[Map, Mask]:
+def filled(picture: Bytes, inverse: Map, confidence: Map, level: float, moving: Mask) -> tuple[Map, Mask]:
     """Return inverse depth (h, w) extrapolated from sure pixels, and the pixels (h, w) of disagreement.
 
     Extrapolation follows the surfaces of a picture (h, w, 3). Holes in sure depth get the depth of their
     rims: a longer reach mixes in other surfaces where the picture's edges are faint. Depths too far apart
-    belong to two surfaces, and a pixel gets one of them.
+    belong to two surfaces, and a pixel gets one of them. Pixels near those that are `moving` (h, w) count as
+    a hole: beside a person that the camera follows, the road is known on one side only, and depths from far
+    away would be those of its other end.
     """
     far, close = (
         _extrapolated(picture, inverse, confidence, reach, BEHIND_POWER)
         for reach in (FAR_LAMBDA, HOLE_LAMBDA)
     )
     own = _own_share(confidence)
-    in_hole = _in_hole(own, HOLE_WINDOW)
+    reach = 2 * int(BESIDE_MOVING * max(inverse.shape)) + 1
+    beside = cv2.dilate(moving.astype(np.float32), np.ones((reach, reach), np.uint8))
+    in_hole = np.maximum(_in_hole(own, HOLE_WINDOW), beside)
     around = in_hole * close + (1 - in_hole) * far
     disputed = (np.abs(inverse - around) > SAME_SURFACE * level) & (own < 1)
     own = np.where(disputed, own > 0.5, own)
