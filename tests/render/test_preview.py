@@ -19,7 +19,9 @@ from addon.core.focus.focus import Focus
 from addon.core.frame.inspection import NAMES
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL
-from addon.render.viewport import preview
+from addon.core.frame.repairs import Repair
+from addon.core.subjects.strokes import MarkedSubject
+from addon.render.viewport import preview, viewport
 from addon.render.viewport.preview import (
     CLIP,
     COARSE,
@@ -63,6 +65,25 @@ def previews() -> Iterator[Previews]:
     yield begin
     for each in made:
         each.close()
+
+
+def test_a_good_picture_stays_until_the_depth_is_mended(wanted: Wanted) -> None:
+    stroke = Repair("nearer", 2, ((0.5, 0.5),))
+    mended = replace(wanted, options=replace(wanted.options, repairs=(stroke,)))
+    marked = replace(wanted, shot=wanted.shot.with_subjects((MarkedSubject("cat", ()),)))
+    assert mended.key != wanted.key and marked.key != wanted.key
+    assert mended.looks_alike(wanted) and marked.looks_alike(wanted)
+    for change in ({"frame": 3}, {"options": replace(wanted.options, radius=0.2)}, {"shows": "blur"}):
+        assert not replace(wanted, **change).looks_alike(wanted)
+    good, rough = (Picture(mended, level, np.zeros((1, 1, 4), np.float16)) for level in (FINE, COARSE))
+    viewport.PREVIEW.forget()
+    assert viewport._picture(wanted, good) is good and viewport._picture(wanted, rough) is rough
+    viewport.PREVIEW._keep(replace(rough, wanted=wanted))
+    assert viewport._picture(wanted, good) is good
+    viewport.PREVIEW._keep(replace(good, wanted=wanted))
+    found = viewport._picture(wanted, good)
+    assert found is not None and found is viewport.PREVIEW.best(wanted) and found.level == FINE
+    viewport.PREVIEW.forget()
 
 
 def eventually(condition: Callable[[], bool]) -> None:

@@ -87,6 +87,17 @@ class Wanted:
         same = self.key == other.key and self.is_playing == other.is_playing
         return same and self.with_clip >= other.with_clip and self.size[0] >= other.size[0]
 
+    def looks_alike(self, other: Wanted) -> bool:
+        """Return whether another one shows the same frame through the same lens, but for its depth.
+
+        After a stroke over a subject or a repair, the last good picture stays until a better one is made.
+        """
+        same = repr(replace(self.options, repairs=())) == repr(replace(other.options, repairs=()))
+        return (
+            same and self.frame == other.frame and self.shows == other.shows and self.cg == other.cg
+            and self.shot.reconstruction is other.shot.reconstruction
+        )  # fmt: skip
+
     @property
     def best(self) -> int:
         """The best level that is worth its time."""

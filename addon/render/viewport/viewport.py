@@ -97,7 +97,7 @@ def draw(
     if not bpy.app.is_job_running("RENDER"):
         PREVIEW.want(wanted)
         _watch()
-    picture = PREVIEW.best(wanted) or PREVIEW.latest(wanted) or shown.picture
+    picture = _picture(wanted, shown.picture)
     shape = shape_problem(render_size(scene.render), wanted.shot.size(wanted.frame))
     shown.said = PREVIEW.problem(wanted) or shape[:1].upper() + shape[1:]
     shown.level = _level(wanted, picture)
@@ -110,6 +110,15 @@ def draw(
     engine.bind_display_space_shader(depsgraph.scene)
     _draw_picture(shown)
     engine.unbind_display_space_shader()
+
+
+def _picture(wanted: Wanted, shown: Picture | None) -> Picture | None:
+    """The best picture there is; a rough one does not replace a good one of the same frame and lens."""
+    found = PREVIEW.best(wanted)
+    is_rough = found is None or found.level < FAIR
+    if is_rough and shown is not None and shown.level >= FAIR and shown.wanted.looks_alike(wanted):
+        return shown
+    return found or PREVIEW.latest(wanted) or shown
 
 
 def _texture(picture: Half | None) -> Any:
@@ -264,6 +273,8 @@ def _level(wanted: Wanted, picture: Picture | None) -> str:
     if picture is not None and picture.wanted.key == wanted.key and picture.level >= FAIR:
         is_final = picture.level >= (FAIR if wanted.shows else FINE)
         said = "Final" if is_final else "Draft"
+    elif picture is not None and picture.level >= FAIR and picture.wanted.looks_alike(wanted):
+        said = "Updating"
     if not PREVIEW.finds_depth:
         return said
     stage, share = PREVIEW.progress
