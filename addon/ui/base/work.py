@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any
 
 from ...core.base.progress import Cancelled, reporting
+from ...core.base.time_left import TimeLeft
 from ...render.viewport.viewport import PREVIEW
+from .text import left_words
 
 LOOK = 0.05
 """Seconds between two looks at the work."""
@@ -25,6 +28,7 @@ class Work[T]:
         Only what shares nothing with the preview may leave that running.
         """
         self._pauses_preview = pauses_preview
+        self._clock = TimeLeft(time.monotonic())
         self.stage = ""
         self.error: BaseException | None = None
         self._value: list[T] = []
@@ -62,4 +66,6 @@ class Work[T]:
     def _on_progress(self, stage: str, share: float) -> None:
         if self._cancelled.is_set():
             raise Cancelled
-        self.stage = f"{100 * share:.0f}%" if share else stage
+        left = left_words(self._clock.at(time.monotonic(), share))
+        words = (f"{100 * share:.0f}%" if share else stage, left[:1].lower() + left[1:])
+        self.stage = ", ".join(filter(None, words))

@@ -116,6 +116,7 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         wrapped(layout, context, operators.sentence(advice), icon="INFO")
     notices.draw_depth(layout, context)
     notices.draw_shape(layout, context)
+    notices.draw_engine(layout, context)
     notices.draw_ignored(layout, context)
     # Last: no button moves under the mouse when it ends.
     if searching := first_person.words():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...core.base.errors import UserError
+from ...render.engine import VirtualApertureEngine
 from ...scene import parts
 from ...scene.ignored import ignored
 from ...scene.sources.clip import trouble_with
@@ -90,6 +91,15 @@ def draw_shape(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         box = layout.box()
         wrapped(box, context, sentence(problem), icon="ERROR")
         box.operator(render_clip.VIRTUAL_APERTURE_OT_use_clip_size.bl_idname, icon="FULLSCREEN_ENTER")
+
+
+def draw_engine(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Report that F12 renders with another engine, with the way out."""
+    render = context.scene.render
+    if render.engine != VirtualApertureEngine.bl_idname:
+        box = layout.box()
+        wrapped(box, context, "F12 renders with another engine, without this lens", icon="INFO")
+        box.prop(render, "engine", text="")
 
 
 def draw_ignored(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
