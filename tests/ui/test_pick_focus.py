@@ -149,7 +149,10 @@ def test_the_panel_tells_of_marks(scene: bpy.types.Scene, shot: Shot) -> None:
     settings.marks.unseen = "3 4 5"
     shown = draw(panels.focus.VIRTUAL_APERTURE_PT_focus)
     assert "Hidden in 3 frames" in shown.texts
-    assert {"frame", "easing", "focus_object"} <= set(shown.props)
+    # No focus goes to the first mark.
+    assert {"frame", "holds", "focus_object"} <= set(shown.props) and "easing" not in shown.props
+    settings.marks.active = 1
+    assert {"frame", "easing", "pull", "holds"} <= set(draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props)
     row = Recorder()
     VIRTUAL_APERTURE_UL_focus_marks.draw_item(
         None, bpy.context, row, settings.marks, settings.marks.items[1], 0, settings.marks, "active"

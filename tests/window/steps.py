@@ -24,7 +24,7 @@ SOLVING = f"'VIRTUAL_APERTURE_OT_solve' in {MODAL}"
 DEPTH = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.depth_ahead']._ahead"
 MARKS = f"[[mark.frame, mark.distance] for mark in {SETTINGS}.marks.items]"
 PICKING = f"'VIRTUAL_APERTURE_OT_pick_focus' in {MODAL}"
-LEFT, PRESETS, RIGHT = 0.3, 0.76, 0.83
+LEFT, PRESETS, RIGHT = 0.3, 0.83, 0.83
 """Shares of the sidebar's width where the left one of two buttons is, the presets of lenses are, and a small
 button at the panel's end."""
 PANELS = ("Virtual Aperture", "Clip", "Solve", "Focus", "Lens", "Preview", "Render")

@@ -85,7 +85,7 @@ def test_the_field_of_the_blur_in_a_pull(program: Program) -> None:
     program.shot("blur_1")
     program.ask("bpy.context.scene.frame_set(5)")
     program.settle()
-    field = program.find("virtual_aperture.blur", "VIEW_3D", "UI", 0.6)
+    field = program.find("virtual_aperture.blur_percent", "VIEW_3D", "UI", 0.6)
     program.shot("blur_5")
     now = program.ask(f"{SETTINGS}.blur")
     assert abs(now - 0.06) > 0.01
@@ -95,9 +95,9 @@ def test_the_field_of_the_blur_in_a_pull(program: Program) -> None:
     program.shot("blur_edited")
     program.screen.key("Return")
     program.settle()
-    program.fill(field, f"{now:.4f}")
+    program.fill(field, f"{100 * now:.2f}")
     assert program.ask(f"{SETTINGS}.aperture_radius") == radius
-    program.fill(field, "0.05")
+    program.fill(field, "5")
     assert program.ask(f"{SETTINGS}.blur") == pytest.approx(0.05, rel=1e-5)
     assert program.ask(f"{SETTINGS}.aperture_radius") == pytest.approx(radius * 0.05 / now, rel=1e-4)
 

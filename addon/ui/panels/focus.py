@@ -37,14 +37,12 @@ class VIRTUAL_APERTURE_PT_focus(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
 
 def _draw_distance(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """Draw the focus distance, as a length if the scale is given; keys belong to the same property."""
-    if not settings.metres_per_unit > 0:
+    """Draw the focus distance, as a length if the scale is given, which focus marks animate."""
+    if settings.metres_per_unit > 0:
+        layout.use_property_decorate = False
+        layout.prop(settings, "focus_length", text="Distance")
+    else:
         layout.prop(settings, "focus_distance", text="Distance")
-        return
-    row = layout.row(align=True)
-    row.use_property_decorate = False
-    row.prop(settings, "focus_length", text="Distance")
-    row.prop_decorator(settings, "focus_distance")
 
 
 def _draw_points(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, by_points: bool) -> None:

@@ -24,9 +24,12 @@ class VIRTUAL_APERTURE_PT_lens(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
-        column = split(self.layout, with_keys=True).column()
+        layout = split(self.layout, with_keys=True)
+        column = layout.column()
         column.active = not lens.is_keyed(settings, "blur")
         column.prop(settings, "aperture_radius")
+        # The percentage in the first panel cannot have keys.
+        layout.prop(settings, "blur", text="Animated Blur")
 
 
 def draw_bokeh(

@@ -163,8 +163,6 @@ def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
     column = split(layout.column(align=True))
     row = column.row(align=True)
     row.prop(settings, "blur_percent", text="Blur")
-    # Keys belong to the property that is stored.
-    row.prop_decorator(settings, "blur")
     lens_presets.draw_button(row)
     if settings.metres_per_unit > 0:
         stop = column.row(align=True)
