@@ -10,6 +10,7 @@ import numpy as np
 from ..base.arrays import Floats, Indices, LinearRGB, Map, Mask
 from ..camera.reconstruction import Image, Intrinsics
 from ..depth.view_selection import relative_pose
+from .lens_table import pixels
 
 CHUNK = 1 << 14
 """Positions processed at once, to fit a processor's cache; OpenCV's `remap` takes at most 32,766 in a row.
@@ -72,8 +73,7 @@ class Reprojection:
         ahead = np.where(ratio > 0, ratio, np.float32(np.nan))
         x, y = x / ahead, y / ahead
         if self.camera.is_distorted:
-            rays = self.camera.distort(np.stack([x, y], axis=-1).astype(np.float64))
-            x, y = (rays * self.camera.focal + self.camera.principal_point).astype(np.float32).T
+            x, y = pixels(self.camera, x, y)
         return x, y, ahead
 
 
