@@ -87,8 +87,7 @@ class PreviewProperties:
     )
     show_points: BoolProperty(
         name="Show Points",
-        description="Show the feature points in the viewport. They are also seen in Edit Mode and while focus"
-        " is picked",
+        description="Show the feature points in the viewport. They are also seen in Edit Mode",
         get=_shows_points,
         set=_show_points,
         options=set(),

@@ -110,6 +110,9 @@ def test_f_stops_are_shown_once_the_scale_is_given(scene: bpy.types.Scene, tmp_p
     shown = draw(main)
     assert {"blur_percent", "f_stop"} <= set(shown.props) and "subject_metres" not in shown.props
     assert settings.blur_percent == pytest.approx(100 * settings.blur)
+    radius = settings.aperture_radius
+    settings.blur_percent = round(settings.blur_percent, 2)
+    assert settings.aperture_radius == radius
     settings.blur_percent = 2.0
     assert settings.blur == pytest.approx(0.02, abs=1e-4)
     assert "focus_length" in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props

@@ -263,7 +263,7 @@ def test_aperture_shape(program: Program) -> None:
 
 
 def test_passes(program: Program) -> None:
-    keep_sub_panel(program, "passes", "Render", ".quality", "use_pass_z", 60, 70)
+    keep_sub_panel(program, "passes", "Render", "virtual_aperture.export", "use_pass_z", 60, 70)
 
 
 def test_preferences(program: Program) -> None:

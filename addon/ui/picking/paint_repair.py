@@ -83,7 +83,7 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
         self.report({"INFO"}, f"Painted {KINDS[made.kind]} at frame {frame}; Ctrl Z takes it back")
 
     def overlay(self) -> Overlay:
-        return Overlay(self._view, self._scene, shows_points=False)
+        return Overlay(self._view, self._scene)
 
     def begun(self, context: bpy.types.Context) -> None:
         self._is_drawing = False

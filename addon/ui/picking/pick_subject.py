@@ -136,7 +136,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
             raise UserError("there is nothing to take away from yet; mark the subject first")
 
     def overlay(self) -> Overlay:
-        return Overlay(self._view, self._scene, shows_points=False)
+        return Overlay(self._view, self._scene)
 
     def begun(self, context: bpy.types.Context) -> None:
         self._name, strokes = self._subject(self._scene.virtual_aperture)

@@ -115,15 +115,6 @@ def _within(region: bpy.types.Region, at: tuple[int, int]) -> bool:
     return bool(region.width > 1 and 0 <= x < region.width and 0 <= y < region.height)
 
 
-_overlays: list[Overlay] = []
-"""Those that are drawn now."""
-
-
-def is_picked_in(area: bpy.types.Area) -> bool:
-    """Return whether a place is being picked in a viewport."""
-    return any(each.view.area == area and each.shows_points for each in _overlays)
-
-
 @dataclass
 class Overlay:
     """The drawing over the view while a place or a subject is picked."""
@@ -144,8 +135,6 @@ class Overlay:
     """Fractions of the picture: the stroke that is being drawn."""
     takes: bool = False
     """True if the stroke removes pixels."""
-    shows_points: bool = True
-    """True if the point cloud is visible, too."""
     joins: bool = False
     """True if a line connects the last picked place to the mouse."""
     brush: float = 0.0
@@ -156,14 +145,12 @@ class Overlay:
 
     def begin(self) -> None:
         """Draw from now on."""
-        _overlays.append(self)
         overlay.show(self.draw)
         self.view.area.tag_redraw()
 
     def end(self) -> None:
         """Draw no more."""
         overlay.hide(self.draw)
-        _overlays[:] = [each for each in _overlays if each is not self]
         self.view.area.tag_redraw()
 
     def light_up(self, mask: Mask | None) -> None:

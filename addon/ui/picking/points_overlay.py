@@ -1,4 +1,4 @@
-"""The feature points in the 3D viewport, in their own colours, where they are asked for or focus is picked.
+"""The feature points in the 3D viewport, in their own colours, where Show Points asks for them.
 
 Blender draws vertices without edges black, or orange where the object is selected, whatever their colours.
 They are drawn here over those, which still answer clicks.
@@ -16,12 +16,9 @@ from ...core.base.arrays import Floats
 from ...scene.solve import point_cloud
 from ...scene.solve.point_cloud import ID_ATTRIBUTE
 from ...scene.sources.shot import IDENTITY
-from .pick_view import is_picked_in
 
 SIZE, RIM_SIZE = 4.0, 6.0
 """Pixels across, at a resolution scale of 1: no less than the points that Blender draws without colours."""
-SMALL, SMALL_RIM = 2.5, 4.5
-"""The same during a pick, where Blender draws none: the picture stays visible. Chosen by inspection."""
 PICKED_SIZE, PICKED_RIM_SIZE = 9.0, 12.0
 PICKED_COLOUR, RIM_COLOUR = (0.25, 1.0, 0.35, 1.0), (0.0, 0.0, 0.0, 1.0)
 
@@ -60,7 +57,7 @@ def is_shown(context: bpy.types.Context) -> bool:
     if points is None or points.type != "MESH" or not space.overlay.show_overlays:
         return False
     # In Edit Mode Blender draws the vertices itself.
-    if points.mode == "EDIT" or not (point_cloud.is_shown(points) or is_picked_in(context.area)):
+    if points.mode == "EDIT" or not point_cloud.is_shown(points):
         return False
     return bool(points.visible_get(view_layer=context.view_layer, viewport=space))
 
@@ -78,7 +75,6 @@ def draw() -> None:
     points = context.scene.virtual_aperture.points
     everything, picked = _made(context.scene.virtual_aperture)
     scale = context.preferences.system.ui_scale
-    size, rim = (SIZE, RIM_SIZE) if point_cloud.is_shown(points) else (SMALL, SMALL_RIM)
     selected = (*context.preferences.themes[0].view_3d.object_active, 1.0)
     projection = gpu.matrix.get_projection_matrix()
     projection[2] -= NEARER * projection[3]
@@ -88,8 +84,8 @@ def draw() -> None:
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
         gpu.matrix.load_projection_matrix(projection)
         gpu.matrix.multiply_matrix(points.matrix_world)
-        _draw_points(everything, rim * scale, selected if points.select_get() else RIM_COLOUR)
-        _draw_points(everything, size * scale)
+        _draw_points(everything, RIM_SIZE * scale, selected if points.select_get() else RIM_COLOUR)
+        _draw_points(everything, SIZE * scale)
         if picked is not None:
             _draw_points(picked, PICKED_RIM_SIZE * scale, RIM_COLOUR)
             _draw_points(picked, PICKED_SIZE * scale, PICKED_COLOUR)
