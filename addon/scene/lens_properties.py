@@ -183,6 +183,11 @@ class LensProperties:
         update=_scale_changed,
         options=set(),
     )
+    guessed_scale: FloatProperty(
+        name="Guessed Scale",
+        description="Size of one scene unit in metres by the height of people in the clip; 0 without a guess",
+        options={"HIDDEN"},
+    )
     subject_metres: FloatProperty(
         name="Subject Distance",
         description="How far away what is in focus is, in metres. Until it is given, here or by Set Scale, a"

@@ -16,6 +16,7 @@ from addon.core.media.clip import open_footage
 from addon.core.subjects.networks import Networks
 from addon.scene.build import build
 from addon.scene.focus import focus_marks
+from addon.scene.lens import depth_of_field
 from addon.ui import panels
 from addon.ui.footage import solve
 from addon.ui.jobs import first_person
@@ -81,6 +82,29 @@ def test_the_nearest_person_takes_the_place_of_the_first_focus(
     first_person.focus(scene)
     assert not settings.marks.is_first and settings.marks.items[0].distance == 5.0
     assert missing not in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
+
+
+def test_people_give_a_scale_that_is_marked_as_a_guess(
+    scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    footage = open_footage(planes.write_clip(tmp_path / "still", [walls.still(each) for each in FEW], FEW[0]))
+    settings = build(scene, footage, walls.filmed(walls.still, FEW).reconstruction)
+    place = Place(Focus(distance=4.0), FEW[0], 4.0, "an object")
+    focus_marks.put_first(settings, place)
+    blur = settings.blur
+    assert not {"f_stop"} & set(draw(panels.main.VIRTUAL_APERTURE_PT_main).props)
+    monkeypatch.setattr(first_person, "nearest_subject", lambda clip: place)
+    monkeypatch.setattr(first_person, "scale_by_people", lambda clip: 0.5)
+    first_person.focus(scene)
+    assert settings.guessed_scale == 0.5 and settings.metres_per_unit == 0
+    assert settings.subject_metres == pytest.approx(2.0) and settings.blur == pytest.approx(blur, rel=1e-5)
+    shown = draw(panels.main.VIRTUAL_APERTURE_PT_main)
+    assert "f_stop" in shown.props and "virtual_aperture.set_scale" in shown.operators
+    # A given scale counts before the guess, and another solve forgets both.
+    settings.metres_per_unit = 2.0
+    assert settings.subject_metres == pytest.approx(8.0)
+    depth_of_field.forget_scale(settings)
+    assert settings.guessed_scale == settings.metres_per_unit == 0
 
 
 def test_focus_follows_the_nearest_person(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """The aperture in terms of photography: its f-stop, and the sharp range.
 
 A reconstruction has no scale. Once the user gives a length or a distance, `metres_per_unit` of the settings
-is known, and the f-stop is focal length / (2 R), both in metres. Until then a scale is assumed. Blur, radius
-and f-stop are three views of one number; the radius R is stored.
+is known, and the f-stop is focal length / (2 R), both in metres. Until then the scale is guessed by the
+height of people, or assumed. Blur, radius and f-stop are three views of one number; the radius R is stored.
 """
 
 from __future__ import annotations
@@ -46,8 +46,13 @@ def sensor_millimetres(settings: bpy.types.PropertyGroup) -> float:
 
 
 def scale(settings: bpy.types.PropertyGroup) -> float:
-    """Metres that a unit of the scene is long: as given, else assumed; 0 without a solve."""
-    return float(settings.metres_per_unit) or _assumed_scale(settings)
+    """Metres that a unit of the scene is long: as given, else guessed, else assumed; 0 without a solve."""
+    return known_scale(settings) or _assumed_scale(settings)
+
+
+def known_scale(settings: bpy.types.PropertyGroup) -> float:
+    """Metres that a unit of the scene is long: as given, else by the people in the clip; else 0."""
+    return float(settings.metres_per_unit) or float(settings.guessed_scale)
 
 
 _assumed: tuple[tuple[object, ...], float] | None = None
@@ -126,7 +131,7 @@ def by_given_scale() -> Iterator[None]:
 def set_f_stop(settings: bpy.types.PropertyGroup, value: float) -> None:
     """Choose the aperture by its f-stop; nothing is changed by 0, nor without a solve."""
     focal = focal_metres(settings)
-    metres = scale(settings) if _assumes else settings.metres_per_unit
+    metres = scale(settings) if _assumes else known_scale(settings)
     if value > 0 and focal > 0 and metres > 0:
         settings.aperture_radius = focal / (2 * value * metres)
 
@@ -139,6 +144,7 @@ def on_scale(settings: bpy.types.PropertyGroup) -> None:
 
 def forget_scale(settings: bpy.types.PropertyGroup) -> None:
     """Forget the scale: another solve has another one."""
+    settings.guessed_scale = 0.0
     if settings.metres_per_unit > 0:
         settings.metres_per_unit = 0.0
         settings.id_data.unit_settings.scale_length = 1.0

@@ -10,13 +10,17 @@ from bpy.app.handlers import persistent
 
 from ...core.base.errors import UserError
 from ...core.focus.place import Place
+from ...core.frame.clip_context import ClipContext
 from ...core.frame.first_person import nearest_subject
+from ...core.frame.person_scale import scale_by_people
 from ...scene.base import redraw
 from ...scene.focus import focus_marks
 from ...scene.lens import aperture_cloud
 from ...scene.sources.shot import IDENTITY, points_mesh, shot_of
 from ..base.work import Work
 
+Found = tuple[Place | None, float | None]
+"""The nearest subject, and metres per scene unit by the people of the clip."""
 LOOK = 0.5
 """Seconds between two looks at the search."""
 
@@ -25,7 +29,7 @@ LOOK = 0.5
 class Search:
     """A search for the nearest subject that is under way."""
 
-    work: Work[Place | None]
+    work: Work[Found]
     scene: str
     """The scene's name: it may be renamed or removed meanwhile."""
     solve: str
@@ -56,11 +60,11 @@ def focus(scene: bpy.types.Scene) -> None:
     if not settings.marks.is_first:
         return
     if bpy.app.background:
-        _put(settings, nearest_subject(shot_of(scene).context))
+        _put(settings, _found(shot_of(scene).context))
         return
     # The preview works with the scene's own shot meanwhile.
     apart = shot_of(scene).apart()
-    work = Work(lambda: nearest_subject(apart.context), pauses_preview=False)
+    work = Work(lambda: _found(apart.context), pauses_preview=False)
     _search = Search(work, scene.name, _identity(settings))
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=LOOK)
@@ -89,7 +93,13 @@ def _identity(settings: bpy.types.PropertyGroup) -> str:
     return str(points_mesh(settings).get(IDENTITY))
 
 
-def _put(settings: bpy.types.PropertyGroup, place: Place | None) -> None:
+def _found(clip: ClipContext) -> Found:
+    return nearest_subject(clip), scale_by_people(clip)
+
+
+def _put(settings: bpy.types.PropertyGroup, found: Found) -> None:
+    place, scale = found
+    settings.guessed_scale = scale or 0.0
     if place is not None:
         focus_marks.put_first(settings, place)
         aperture_cloud.update(settings)
@@ -127,9 +137,9 @@ def _tick() -> float | None:
     # An unreadable frame is reported where it is rendered; the focus is as it was.
     if isinstance(search.work.error, UserError):
         return None
-    place = search.work.result()
-    _put(settings, place)
-    if place is not None:
+    found = search.work.result()
+    _put(settings, found)
+    if found[0] is not None:
         window = bpy.context.window_manager.windows[0]
         with bpy.context.temp_override(window=window):
             bpy.ops.ed.undo_push(message="Focus on Nearest Person")

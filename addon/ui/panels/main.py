@@ -164,11 +164,12 @@ def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
     row = column.row(align=True)
     row.prop(settings, "blur_percent", text="Blur")
     lens_presets.draw_button(row)
-    if settings.metres_per_unit > 0:
+    is_guess = not settings.metres_per_unit > 0
+    if depth_of_field.known_scale(settings) > 0:
         stop = column.row(align=True)
         stop.active = not lens.is_keyed(settings, "blur")
-        stop.prop(settings, "f_stop")
-    elif depth_of_field.subject_metres(settings) > 0:
+        stop.prop(settings, "f_stop", text="F-Stop (guess)" if is_guess else "F-Stop")
+    if is_guess and depth_of_field.subject_metres(settings) > 0:
         layout.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname, icon="DRIVER_DISTANCE")
 
 
