@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -176,3 +178,9 @@ def test_what_is_retired_is_told(retired: str) -> None:
 @pytest.mark.parametrize("good", ["it is no longer", "no more than", "a video, for which", "clamped"])
 def test_what_is_not_retired_is_left_alone(good: str) -> None:
     assert not _retired(good)
+
+
+def test_messages_in_panels_are_short() -> None:
+    command = [sys.executable, str(ROOT / "tools/messages.py"), "--longer", "90"]
+    table = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert "| error |" in table and [line for line in table.splitlines() if line.startswith("| panel")] == []

@@ -47,7 +47,8 @@ def nearest_subject(clip: ClipContext, networks: Networks | None = None) -> Plac
         face = None
         if kind == "person":
             face = face_of(networks or Networks(), displayed(clip.read(frame)), mask)
-        return replace(places[nearest], source=f"the nearest {kind}", xy=face or middle_of(mask))
+        found = replace(places[nearest], source=f"the nearest {kind}", xy=face or middle_of(mask))
+        return found if face is None else replace(found, subject="face")
     return None
 
 

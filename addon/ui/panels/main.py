@@ -25,7 +25,7 @@ MOST_MARKS = 5
 """Focus marks that have a button each: more would be too narrow in a sidebar 250 pixels wide."""
 BUTTON = 12
 """Pixels of a row that a small button takes of its text, at a resolution scale of 1. Chosen by inspection."""
-HINT = "Drop a video or an image of a sequence on the viewport, or choose a clip or a folder of images"
+HINT = "Drop a video or an image of a sequence on the viewport, or choose a clip or a folder"
 """Blender hands no add-on a folder that is dropped."""
 UNIT = 0.75
 """Share of a row that a number has which is followed by words. Chosen by inspection."""
