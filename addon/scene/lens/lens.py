@@ -227,7 +227,7 @@ def blur_percent(settings: bpy.types.PropertyGroup) -> float:
 def set_blur_percent(settings: bpy.types.PropertyGroup, value: float) -> None:
     """Choose the blur in per cent of the picture's width; the shown number, typed again, changes nothing."""
     shown = blur_percent(settings)
-    digits = range(BLUR_DIGITS - 2, EDITED_DIGITS - 1)
+    digits = range(BLUR_DIGITS - 2, EDITED_DIGITS + 1)
     if any(np.float32(value) == np.float32(round(shown, each)) for each in digits):
         return
     settings.blur = value / 100
