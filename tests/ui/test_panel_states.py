@@ -117,7 +117,7 @@ def solving_the_wrong_one(settings: Settings, folder: Path) -> None:
 
 
 STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
-    ("no clip", no_clip, "or choose a clip or a folder of images"),
+    ("no clip", no_clip, "or choose a clip or a folder"),
     ("clip chosen", chosen, "Solve the clip to find its camera motion"),
     ("solving", solving, "Registered 3 of 12 frames About 40 s left, ESC cancels"),
     ("solved", solved, "Automatic focus"),

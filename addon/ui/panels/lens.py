@@ -74,12 +74,13 @@ class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801
         row.active = shape.blades >= 3
         row.prop(shape, "rotation")
         row.prop(shape, "roundness")
-        for name in ("ratio", "obstruction", "apodisation"):
-            layout.prop(shape, name)
-        # Its whole name is cut off in a sidebar of the default width.
-        layout.prop(shape, "spherical_aberration", text="Aberration")
-        for name in ("vignetting", "axial_colour", "image"):
-            layout.prop(shape, name)
+        # Whole names are cut off in a sidebar of the default width.
+        short = {"ratio": "Squeeze", "spherical_aberration": "Aberration", "vignetting": "Cat's-Eye"}
+        for name in (
+            "ratio", "obstruction", "apodisation", "spherical_aberration", "vignetting", "axial_colour",
+            "image",
+        ):  # fmt: skip
+            layout.prop(shape, name, text=short.get(name))
 
 
 class VIRTUAL_APERTURE_PT_highlights(ClosedPanel, bpy.types.Panel):  # noqa: N801
