@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -11,6 +12,7 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.frame.frame_path import mesh_frame
+from addon.core.frame.plan import FrameOptions
 from addon.core.frame.repairs import Repair
 from addon.core.media.light import to_linear
 from addon.render.output.frame_keys import frame_keys
@@ -102,6 +104,22 @@ def test_a_repair_is_in_the_picture_its_key_and_the_file(
     bpy.ops.wm.open_mainfile(filepath=file)
     kept = repairs_of(bpy.context.scene.virtual_aperture)
     assert kept == after.repairs and len(kept) == 1
+
+
+@pytest.mark.parametrize("is_ordered", [True, False], ids=["clip", "photos"])
+def test_a_repair_is_carried_through_a_clip_but_not_to_other_photos(tmp_path: Path, is_ordered: bool) -> None:
+    shot = slanted_shot(tmp_path / "clip", LENS)
+    context = replace(shot.context, reconstruction=replace(shot.reconstruction, is_ordered=is_ordered))
+    plain = FrameOptions(Focus(distance=5.0), 0.1)
+    mended = replace(plain, repairs=(Repair("nearer", 2, ((0.5, 0.5),), 0.05),))
+    for frame, is_changed in ((2, True), (3, is_ordered)):
+        source = to_linear(shot.read(frame))
+        one, other = (
+            mesh_frame(context, frame, options, (160, 90), source).geometry.depth
+            for options in (plain, mended)
+        )
+        assert one is not None and other is not None
+        assert bool((one.inverse_depth != other.inverse_depth).any()) == is_changed
 
 
 def test_the_command_line_takes_a_file_of_repairs(

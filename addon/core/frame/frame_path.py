@@ -175,7 +175,10 @@ def _with_depth(geometry: FrameGeometry) -> tuple[FrameGeometry, str, float]:
         depth = geometry.clip.depth(
             geometry.frame, geometry.canvas, geometry.picture, geometry.settings.quality
         )
-        if repairs := geometry.settings.repairs:
+        # Photos do not follow each other.
+        is_clip = geometry.clip.reconstruction.is_ordered
+        repairs = [each for each in geometry.settings.repairs if is_clip or each.frame == geometry.frame]
+        if repairs:
             carried = geometry.clip.carried_places
             depth = repaired(
                 depth, repairs, lambda one: carried.region(one, geometry.frame), geometry.canvas,
