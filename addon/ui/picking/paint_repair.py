@@ -19,12 +19,8 @@ from .pick_in_view import PicksInView
 from .pick_view import Overlay
 
 EXAMPLE = "0.44,0.26 0.45,0.5"
-APART = 0.004
-"""Share of the picture between two corners of a stroke."""
 FINER = 0.85
 """Factor on the brush with each press of [."""
-SMALLEST, LARGEST = 0.002, 0.5
-"""Bounds of the brush."""
 
 
 class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa: N801
@@ -109,16 +105,15 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
             return self._draw(context, event)
         if event.type in {"LEFT_BRACKET", "RIGHT_BRACKET"} and is_press:
             brush = self._scene.virtual_aperture.repairs
-            times = FINER if event.type == "LEFT_BRACKET" else 1 / FINER
-            brush.radius = min(max(brush.radius * times, SMALLEST), LARGEST)
+            # The property keeps it within its bounds.
+            brush.radius *= FINER if event.type == "LEFT_BRACKET" else 1 / FINER
             self._tell()
             return {"RUNNING_MODAL"}
         if event.type == "LEFTMOUSE" and is_press and self._view.holds(event):
             self._press(event)
             return {"RUNNING_MODAL"}
         if event.type == "MOUSEMOVE":
-            self._overlay.mouse = self._view.place(self._scene, event) if self._view.holds(event) else None
-            self._view.area.tag_redraw()
+            self._hover(event)
         # The view may be moved, and another frame shown.
         return {"PASS_THROUGH"}
 
@@ -135,15 +130,12 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
             self._is_drawing, self._overlay.line = True, [at]
 
     def _draw(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        overlay, at = self._overlay, self._view.place(self._scene, event)
         # Events between two come where the window was busy.
-        if event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "LEFTMOUSE"} and at is not None:
-            (x, y), overlay.mouse = overlay.line[-1], at
-            if max(abs(at[0] - x), abs(at[1] - y)) > APART:
-                overlay.line = [*overlay.line, at]
+        if event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "LEFTMOUSE"}:
+            self._overlay.extend_line(self._view.place(self._scene, event))
         if event.type == "LEFTMOUSE" and event.value == "RELEASE":
             self._end(context)
-            self._keep(self._scene, tuple(overlay.line), self._reference)
+            self._keep(self._scene, tuple(self._overlay.line), self._reference)
             return {"FINISHED"}
         self._view.area.tag_redraw()
         return {"RUNNING_MODAL"}

@@ -91,6 +91,11 @@ class PicksInView:
         self._view.area.header_text_set("    ".join(filter(None, shown)))
         self._view.area.tag_redraw()
 
+    def _hover(self, event: bpy.types.Event) -> None:
+        """Show the mouse over the picture; beside the view there is none."""
+        self._overlay.mouse = self._view.place(self._scene, event) if self._view.holds(event) else None
+        self._view.area.tag_redraw()
+
     def _stop(self, context: bpy.types.Context) -> None:
         """Find no more."""
         if self._work is not None:

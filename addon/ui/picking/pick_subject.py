@@ -25,8 +25,6 @@ EXAMPLE = "0.44,0.26 0.45,0.5"
 NOTHING = "There is nothing to take away from yet"
 CORNERS = 5
 """Corners of the stroke that marks a found person."""
-APART = 0.004
-"""Share of the picture between two corners of a stroke."""
 
 
 class LitUp:
@@ -163,8 +161,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
             self._press(event)
             return {"RUNNING_MODAL"}
         elif event.type == "MOUSEMOVE":
-            self._overlay.mouse = self._view.place(self._scene, event) if self._view.holds(event) else None
-            self._view.area.tag_redraw()
+            self._hover(event)
         # The view may be moved, and another frame shown.
         return {"PASS_THROUGH"}
 
@@ -187,10 +184,10 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
             self._is_drawing, overlay.line = False, []
         # Those between come where the window was busy.
         elif event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE"}:
-            self._follow(event)
+            overlay.extend_line(self._view.place(self._scene, event))
         elif event.type == "LEFTMOUSE" and event.value == "RELEASE":
             self._is_drawing = False
-            self._follow(event)
+            overlay.extend_line(self._view.place(self._scene, event))
             stroke = Stroke(clip_frame(self._scene), tuple(overlay.line), not overlay.takes)
             known = self._steps[-1]
             if not any(each.adds for each in known) and (self._extends or overlay.takes):
@@ -203,15 +200,6 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
             overlay.line = []
         self._view.area.tag_redraw()
         return {"RUNNING_MODAL"}
-
-    def _follow(self, event: bpy.types.Event) -> None:
-        """Draw the stroke on to where the mouse is."""
-        overlay, at = self._overlay, self._view.place(self._scene, event)
-        if at is None:
-            return
-        (x, y), overlay.mouse = overlay.line[-1], at
-        if max(abs(at[0] - x), abs(at[1] - y)) > APART:
-            overlay.line = [*overlay.line, at]
 
     def _take_back(self, context: bpy.types.Context, ends: bool = True) -> Result:
         """Forget the last stroke; without any, `ends` leaves all as it was."""

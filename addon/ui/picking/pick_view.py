@@ -18,6 +18,8 @@ from ...render.viewport.viewport import frame_in_region
 from ...render.views.gpu_views import upload
 
 XY = tuple[float, float]
+APART = 0.004
+"""Share of the picture between two corners of a stroke."""
 SEGMENTS = 24
 """Corners of a circle."""
 RING, FEATURE, PICKED = 9.0, 4.0, 6.0
@@ -152,6 +154,14 @@ class Overlay:
         """Draw no more."""
         overlay.hide(self.draw)
         self.view.area.tag_redraw()
+
+    def extend_line(self, at: XY | None) -> None:
+        """Continue the stroke to a place of the mouse; None is beside the picture."""
+        if at is None:
+            return
+        (x, y), self.mouse = self.line[-1], at
+        if max(abs(at[0] - x), abs(at[1] - y)) > APART:
+            self.line = [*self.line, at]
 
     def light_up(self, mask: Mask | None) -> None:
         """Show a subject (h, w) over the source frame."""
