@@ -39,10 +39,9 @@ EVERY = 5
 """Frames from one that is rendered to the next."""
 BLUR = 0.025
 """Largest disc, of the width: 16 pixels."""
-BLUER, WHOLE = 25, 0.75
-"""Grey levels by which the tint makes blue stronger against red, and share of a person that lights up. A
-stroke's mask has an IoU of 0.86 (`python -m benchmarks.special subjects`), and 0.80 of the person in this
-frame."""
+BLUER, FOUND, WHOLE = 25, 0.75, 0.85
+"""Grey levels by which the tint makes blue stronger against red, share of a person that lights up when the
+stroke's mask is found, and share of a whole person."""
 OFF = 24
 """Grey levels by which a pixel in focus is another one than in the clip, where the clip has noise of 1."""
 
@@ -52,6 +51,12 @@ pytestmark = pytest.mark.usefixtures("in_order")
 @pytest.fixture(scope="module")
 def walker() -> Staged:
     return Staged("stroller", 0.02)
+
+
+@pytest.fixture(scope="module")
+def lit_shares() -> list[float]:
+    """Share of the person that a stroke lights up, once its mask is found."""
+    return []
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +106,9 @@ def focus_on_subject(program: Program, frame: int) -> None:
     program.settle()
 
 
-def test_a_stroke_from_head_to_foot_lights_the_person_up(program: Program, walker: Staged) -> None:
+def test_a_stroke_from_head_to_foot_lights_the_person_up(
+    program: Program, walker: Staged, lit_shares: list[float]
+) -> None:
     go_to(program, NEAR)
     person = walker.subject(NEAR)
     assert person is not None
@@ -120,18 +127,24 @@ def test_a_stroke_from_head_to_foot_lights_the_person_up(program: Program, walke
     program.screen.drag(*(over(program, (x, y)) for x, y in stroke(person, 5)))
     began, told = time.monotonic(), False
     # First what has the colours under the stroke, later what moves, which takes the static scene around.
-    while (lit := blueness("lit")[0] - before > BLUER)[there].mean() < WHOLE:
+    while (lit := blueness("lit")[0] - before > BLUER)[there].mean() < FOUND:
         if lit[there].mean() > 0.3 and not told:
             program.tell_time(time.monotonic() - began, "something lights up")
             shutil.copy(program.pictures / "lit.png", program.pictures / "lit_first.png")
             told = True
         assert time.monotonic() < began + 300, f"{lit[there].mean():.2f} of the person is lit"
     program.tell_time(time.monotonic() - began, "the person lights up")
+    lit_shares.append(float(lit[there].mean()))
     assert lit[~there].mean() < 0.02
     program.screen.key("Return")
     program.wait(f"not {WORKING}")
     program.settle()
     assert program.ask(f"len({SETTINGS}.subjects.items[0].strokes)") == 1
+
+
+@pytest.mark.xfail(strict=True, reason="0.80 of the person: shins, shoes or a hand are left out")
+def test_a_stroke_lights_all_of_the_person_up(lit_shares: list[float]) -> None:
+    assert min(lit_shares) > WHOLE
 
 
 def test_focus_goes_to_the_hedge_and_back(program: Program) -> None:
