@@ -27,7 +27,9 @@ class Street:
     deep: frozenset[int] = frozenset()
     """Those in which everything below the horizon is much too far, besides."""
     on_person: int = 0
-    """Feature points across the person, at 4; there are 48 on both sides."""
+    """Feature points across the person; there are 48 on both sides."""
+    distance: float = 4.0
+    """That of the points on the person."""
 
     @property
     def reconstruction(self) -> SimpleNamespace:
@@ -110,6 +112,15 @@ def test_feature_points_tell_how_far_a_subject_is_that_stands_still() -> None:
         place = Standing(Street(on_person=across), lambda frame: person(5.0, frame))  # type: ignore[arg-type]
         found = place.inverse_depths(lambda frame: person(5.0, frame), [0, 1])
         assert found == {frame: pytest.approx(1 / distance, rel=0.03) for frame in (0, 1)}, across
+
+
+@pytest.mark.parametrize("distance", [1.5, 5.0])
+def test_feature_points_off_the_ground_do_not_give_a_distance(distance: float) -> None:
+    """Someone who walks along the camera's path has points that agree on a wrong distance."""
+    street = Street(on_person=8, distance=distance)
+    place = Standing(street, lambda frame: person(4.0, frame))  # type: ignore[arg-type]
+    found = place.inverse_depths(lambda frame: person(4.0, frame), [0, 1])
+    assert found == {frame: pytest.approx(1 / 4.0, rel=0.03) for frame in (0, 1)}
 
 
 def test_without_feet_nothing_is_known() -> None:
