@@ -6,7 +6,6 @@ import contextlib
 import errno
 import json
 import os
-import socket
 import sys
 import time
 from collections.abc import Callable
@@ -14,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 
 from .errors import UserError
-from .processes import is_gone, process_table
+from .processes import host_name, is_gone, process_table
 from .regular_file import is_regular, read_regular
 
 HELD = {errno.EACCES, errno.EAGAIN, errno.EDEADLK}
@@ -145,7 +144,7 @@ def _is_same(file: int, path: Path) -> bool:
 
 def _write_owner(file: int) -> None:
     owner = {
-        "pid": os.getpid(), "table": process_table(), "host": socket.gethostname(),
+        "pid": os.getpid(), "table": process_table(), "host": host_name(),
         "since": time.strftime("%H:%M"),
     }  # fmt: skip
     os.ftruncate(file, 0)

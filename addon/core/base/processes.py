@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import socket
 import sys
 from functools import cache
 from pathlib import Path
@@ -13,6 +12,11 @@ from pathlib import Path
 PROC = Path("/proc")
 UNKNOWN = "0" * 12
 """Digits for a table that cannot be identified."""
+
+
+def host_name() -> str:
+    """Return the name of this machine; empty if the system does not report it."""
+    return os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")
 
 
 @cache
@@ -26,7 +30,7 @@ def process_table() -> str:
         return UNKNOWN
     try:
         start = (PROC / "sys/kernel/random/boot_id").read_text()
-        named = f"{socket.gethostname()} {start} {(PROC / 'self/ns/pid').readlink()}"
+        named = f"{host_name()} {start} {(PROC / 'self/ns/pid').readlink()}"
     except OSError:
         return UNKNOWN
     return hashlib.sha256(named.encode()).hexdigest()[: len(UNKNOWN)]
