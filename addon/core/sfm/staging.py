@@ -168,6 +168,7 @@ def _state_bytes(work_dir: Path) -> bytes | None:
 
 def _relative(path: Path, folder: Path) -> str:
     try:
-        return os.path.relpath(path, folder)
+        # Slashes are understood everywhere, backslashes are not.
+        return os.path.relpath(path, folder).replace(os.sep, "/")
     except ValueError:  # another drive
         return ""
