@@ -25,8 +25,9 @@ TAGS = {
     "windows-x64": ["win_amd64"],
     "macos-arm64": ["macosx_14_0_arm64", "macosx_13_0_arm64", "macosx_11_0_arm64"],
 }
-# Blender's own builds run the first Python, Debian's the second. PyAV's and OpenCV's wheels serve both. numpy
-# comes with Blender and must never be bundled: it would win over Blender's own for every other extension.
+# Blender's own builds run the first Python, Debian's, on Linux alone, the second. PyAV's and OpenCV's wheels
+# serve both. numpy comes with Blender and must never be bundled: it would win over Blender's own for every
+# other extension. All stay unmodified: extensions.blender.org demands it, and extensions share their wheels.
 WHEELS = {"av": ("3.13",), "pycolmap": ("3.13", "3.14"), "opencv-contrib-python-headless": ("3.13",)}
 
 
@@ -64,7 +65,7 @@ def build(platform: str, out: Path, options: argparse.Namespace) -> None:
         elif source.exists():
             shutil.copy(source, stage / name)
     if not options.no_wheels:
-        download(stage / "wheels", platform, 1 if options.store else None)
+        download(stage / "wheels", platform, 1 if options.store or platform != "linux-x64" else None)
     complete_manifest(stage, platform, options.website)
     manifest = tomllib.loads((stage / "blender_manifest.toml").read_text())
     target = out / f"{manifest['id']}-{manifest['version']}-{platform}.zip"
