@@ -13,7 +13,7 @@ SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TR
 REAL := $(if $(CLIPS),--clips $(CLIPS)) $(if $(PROGRAM),--program $(PROGRAM)) $(if $(NAME),--name $(NAME))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS)) $(if $(METHODS),--methods $(METHODS)) $(if $(STATUS),--status)
 
-.PHONY: help setup demo test test-fast test-all test-window test-window-smoke pictures moving-picture torture sample real bench bench-speed bench-solve bench-stability figures lint zip store clean
+.PHONY: help setup demo test test-fast test-all test-window test-window-smoke pictures moving-picture torture sample real bench bench-speed bench-solve bench-stability figures lint zip store store-check clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
@@ -34,6 +34,7 @@ help:
 	@echo "make lint    ruff and mypy"
 	@echo "make zip     build the extension into dist/ (PLATFORM=linux-x64, windows-x64, macos-arm64)"
 	@echo "make store   the zips of all platforms for Blender's own builds, and the index of a repository, into dist/store/ (WEBSITE=URL of the documentation)"
+	@echo "make store-check  those zips against the list of the store's reviewers, and what weighs how much in them (BLENDER=PROGRAM validates, too)"
 	@echo "make setup   the virtual environment alone"
 	@echo "make clean   remove what was built"
 
@@ -120,6 +121,9 @@ zip: setup
 
 store: setup
 	@$(PYTHON) tools/build_zip.py --store $(if $(WEBSITE),--website $(WEBSITE))
+
+store-check: setup
+	@$(PYTHON) tools/store_check.py
 
 clean:
 	rm -rf build dist demo sample .mypy_cache .ruff_cache .pytest_cache

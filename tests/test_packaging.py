@@ -112,4 +112,4 @@ def test_workflows_call_make() -> None:
         for path in (ROOT / ".github" / "workflows").glob("*.yml")
         for name in re.findall(r"run: make ([a-z-]+)", path.read_text())
     }
-    assert {"lint", "test", "store"} <= called <= targets
+    assert {"lint", "test", "store", "store-check"} <= called <= targets
