@@ -13,7 +13,7 @@ SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TR
 REAL := $(if $(CLIPS),--clips $(CLIPS)) $(if $(PROGRAM),--program $(PROGRAM)) $(if $(NAME),--name $(NAME))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS)) $(if $(METHODS),--methods $(METHODS)) $(if $(STATUS),--status)
 
-.PHONY: help setup demo test test-fast test-all test-window test-window-smoke pictures moving-picture torture sample real bench bench-speed bench-solve bench-stability figures lint zip store store-check clean
+.PHONY: help setup demo test test-fast test-all test-window test-window-smoke pictures moving-picture torture sample real bench bench-speed bench-solve bench-stability figures lint zip store store-check docs clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
@@ -35,6 +35,7 @@ help:
 	@echo "make zip     build the extension into dist/ (PLATFORM=linux-x64, windows-x64, macos-arm64)"
 	@echo "make store   the zips of all platforms for Blender's own builds, and the index of a repository, into dist/store/ (WEBSITE=URL of the documentation)"
 	@echo "make store-check  those zips against the list of the store's reviewers, and what weighs how much in them (BLENDER=PROGRAM validates, too)"
+	@echo "make docs    the documentation as a site with search, into build/site/; a dead link fails"
 	@echo "make setup   the virtual environment alone"
 	@echo "make clean   remove what was built"
 
@@ -124,6 +125,9 @@ store: setup
 
 store-check: setup
 	@$(PYTHON) tools/store_check.py
+
+docs: setup
+	@$(PYTHON) tools/docs_site.py
 
 clean:
 	rm -rf build dist demo sample .mypy_cache .ruff_cache .pytest_cache

@@ -89,6 +89,12 @@ def test_every_target_of_make_is_told() -> None:
     assert {target for target in targets if f'"make {target}' not in text} == set()
 
 
+def test_every_page_is_in_the_site() -> None:
+    listed = re.findall(r"([\w/]+\.md)$", (ROOT / "tools" / "mkdocs.yml").read_text(), re.M)
+    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
+    assert sorted(listed) == sorted(page.relative_to(ROOT).as_posix() for page in pages)
+
+
 def test_scripts_that_make_calls_are_there() -> None:
     text = (ROOT / "Makefile").read_text() + (ROOT / ".ci" / "run").read_text()
     for path in re.findall(r"\b((?:tools|sample_scenes)/[\w-]+\.(?:py|sh|txt))", text):
