@@ -119,7 +119,7 @@ class Report:
     focal_sigma: float | None
     """Relative standard deviation; None if it is unknown."""
     focal_from: str
-    """"clip", "given", "guess" or "file"."""
+    """"clip", "given", "metadata", "guess" or "file"."""
     lens: LensReport | None
     """None where no lens was looked for: in files, zooms, and of cameras that stay."""
     angle: list[float] | None
