@@ -13,7 +13,7 @@ SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TR
 REAL := $(if $(CLIPS),--clips $(CLIPS)) $(if $(PROGRAM),--program $(PROGRAM)) $(if $(NAME),--name $(NAME))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS)) $(if $(METHODS),--methods $(METHODS)) $(if $(STATUS),--status)
 
-.PHONY: help setup demo test test-fast test-all test-window test-window-smoke pictures moving-picture torture sample real bench bench-speed bench-solve bench-stability figures lint zip store store-check docs clean
+.PHONY: help setup demo test test-fast test-all test-window test-window-smoke pictures store-pictures moving-picture torture sample real bench bench-speed bench-solve bench-stability figures lint zip store store-check docs clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
@@ -23,6 +23,7 @@ help:
 	@echo "make test-window-smoke  a few of them, five minutes: install, drop a clip, solve, preview, pick focus, F12, a movie"
 	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
 	@echo "make moving-picture  the sample clip with its focus pulled, as the README opens with it"
+	@echo "make store-pictures  the icon and the featured picture of the store's page, into docs/store/"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
 	@echo "make real    real clips (real data): solved or why not, detail, noise, flicker, masks; contact sheets to look at"
@@ -84,6 +85,9 @@ pictures: setup
 
 moving-picture: setup
 	@$(PYTHON) sample_scenes/moving_picture.py --out docs/focus_pull.webp
+
+store-pictures: setup
+	@$(PYTHON) -m sample_scenes.store_pictures
 
 torture: setup
 	@$(PYTHON) -m benchmarks.torture $(if $(TRIES),--tries $(TRIES)) $(if $(FAULTS),--faults $(FAULTS))
