@@ -34,7 +34,7 @@ class Street:
     @property
     def reconstruction(self) -> SimpleNamespace:
         sides = np.stack(np.meshgrid([-0.8, -0.7, 0.7, 0.8], np.linspace(-1, 1, 12), [4.5]), -1)
-        own = np.stack(np.meshgrid(*(np.linspace(-0.15, 0.15, self.on_person),) * 2, [4.0]), -1)
+        own = np.stack(np.meshgrid(*(np.linspace(-0.15, 0.15, self.on_person),) * 2, [self.distance]), -1)
         xyz = np.concatenate([sides.reshape(-1, 3), own.reshape(-1, 3)])
         return SimpleNamespace(
             points=SimpleNamespace(xyz=xyz),
@@ -121,6 +121,17 @@ def test_feature_points_off_the_ground_do_not_give_a_distance(distance: float) -
     place = Standing(street, lambda frame: person(4.0, frame))  # type: ignore[arg-type]
     found = place.inverse_depths(lambda frame: person(4.0, frame), [0, 1])
     assert found == {frame: pytest.approx(1 / 4.0, rel=0.03) for frame in (0, 1)}
+
+
+def test_unsteady_contact_with_the_ground_contradicts_no_feature_points() -> None:
+    """The feet are seen at 4 in half of the frames, and at 5, as the points are, in the others."""
+    street, seen = Street(on_person=8, distance=5.0), (4.0, 5.0, 4.0, 5.0)
+
+    def mask(frame: int) -> Mask:
+        return person(seen[frame], frame)
+
+    found = Standing(street, mask).inverse_depths(mask, range(4))  # type: ignore[arg-type]
+    assert found == {frame: pytest.approx(1 / 5.0, rel=0.03) for frame in range(4)}
 
 
 def test_without_feet_nothing_is_known() -> None:
