@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shutil
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Image, Intrinsics, Reconstruction
+from addon.core.media.clip import Footage
 from addon.core.media.light import decode_srgb
+from addon.core.sfm.workspace import load_solve
 
 from ..media.colour_curves import Recorded, write_clip
 from ..scenes import slanted_plane, texture
@@ -58,6 +62,41 @@ def write_scene(
     blend = folder / "scene.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     return blend
+
+
+def solved_scene(footage: Footage, solve: Reconstruction) -> Any:
+    """Settings of a new file whose scene holds a solved clip and nothing else that is seen."""
+    import bpy
+
+    from addon.scene.build import build
+
+    bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    return build(bpy.context.scene, footage, solve)
+
+
+def saved(folder: Path) -> Path:
+    """Save the file that is open."""
+    import bpy
+
+    blend = folder / "scene.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    return blend
+
+
+def write_desk(
+    folder: Path,
+    desk: Path,
+    work: Path,
+    change: Callable[[Any, Reconstruction], object] = lambda settings, solve: None,
+) -> Path:
+    """A .blend of the sample clip, which lies beside it, and its solve; `change` may change its settings."""
+    folder.mkdir()
+    solved = load_solve(work, Path(shutil.copy(desk, folder)))
+    settings = solved_scene(solved.open_clip(solved.frames), solved.reconstruction)
+    settings.footage = "//desk.mp4"
+    change(settings, solved.reconstruction)
+    return saved(folder)
 
 
 def light_of(picture: NDArray[np.uint8]) -> NDArray[np.float64]:

@@ -11,8 +11,6 @@ import pytest
 from .program import ROOT, blender, headless
 from .screen import Screen, missing_programs
 
-PICTURES = ROOT / "build" / "window"
-
 
 @pytest.fixture(scope="session")
 def needed() -> None:

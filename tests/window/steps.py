@@ -14,8 +14,10 @@ import numpy as np
 
 from . import file_drop
 from .program import EXTENSION, ROOT, Program
+from .screen import Screen
 
 CLIP = ROOT / "sample_scenes" / "desk.mp4"
+PICTURES = ROOT / "build" / "window"
 UP, DOWN = 4, 5
 """Buttons of the mouse: its wheel."""
 SETTINGS = "bpy.context.scene.virtual_aperture"
@@ -33,6 +35,29 @@ FIRST, HEADER = 14, 28
 that are closed."""
 FOLDED = 0.5
 """Seconds until a panel has folded or unfolded, which is animated."""
+
+POPOVER = 10_000
+"""Pixels, fewer than a popover has, and more than a button that lights up under the mouse."""
+
+
+@contextmanager
+def running(
+    screen: Screen, resources: Path, name: str, blend: Path | None = None, tab: bool = True
+) -> Iterator[Program]:
+    """A Blender without its splash screen, with a .blend open and our tab in the sidebar; its pictures go
+    into the folder `name`."""
+    made = Program(screen, resources, PICTURES / name)
+    try:
+        made.screen.move(*made.middle("VIEW_3D"))
+        made.screen.key("Escape")
+        if blend is not None:
+            made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
+        made.settle()
+        if tab:
+            made.show_sidebar("Virtual Aperture")
+        yield made
+    finally:
+        made.close()
 
 
 def first_window(program: Program) -> None:
@@ -97,6 +122,21 @@ def open_below(program: Program, does: str) -> None:
         if np.abs(_seen(program) - before).max() > 50:
             return
     raise AssertionError(f"no sub-panel below {does}")
+
+
+def open_details(program: Program, above: str) -> tuple[float, float]:
+    """Open the details of the warnings, whose button is the first one below a named one; its place. A
+    popover cannot be asked for by name."""
+    button = program.find(above, "VIEW_3D", "UI")
+    before: Any = program.screen.picture()
+    _, top, _, height = program.rectangle("VIEW_3D", "UI")
+    for y in range(round(button.y) + 20, top + height, 10):
+        program.screen.click(button.x, y)
+        program.still()
+        now: Any = program.screen.picture()
+        if (np.abs(now.astype(int) - before).max(axis=2) > 20).sum() > POPOVER:
+            return button.x, float(y)
+    raise AssertionError(f"no details below {above}")
 
 
 def _seen(program: Program) -> np.ndarray:

@@ -13,9 +13,9 @@ import pytest
 
 from ..lamps import LIGHT, place_lamp
 from .clips import SMALL, read_exr, write_scene
-from .conftest import PICTURES
 from .program import EXTENSION, Program, headless
 from .screen import Screen
+from .steps import running
 
 FRAMES = tuple(range(1, 17))
 AHEAD = f"__import__('sys').modules['{EXTENSION}.addon.render.processes.frames_ahead']._ahead"
@@ -38,15 +38,11 @@ def blend(folder: Path, registered: None) -> Path:
 
 @pytest.fixture(scope="module")
 def program(small_screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
-    made = Program(small_screen, resources, PICTURES / "animation")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
-    # However few the machine has.
-    made.ask("sys.modules['os'].process_cpu_count = lambda: 2; None")
-    made.settle()
-    yield made
-    made.close()
+    with running(small_screen, resources, "animation", blend, tab=False) as made:
+        # However few the machine has.
+        made.ask("sys.modules['os'].process_cpu_count = lambda: 2; None")
+        made.settle()
+        yield made
 
 
 def started(program: Program) -> None:

@@ -12,10 +12,9 @@ import pytest
 from addon.ui.focus.lens_presets import ROOT, VIRTUAL_APERTURE_PT_lens_presets
 
 from .clips import write_scene
-from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import SETTINGS
+from .steps import SETTINGS, running
 
 BOKEH = f"__import__('sys').modules['{EXTENSION}.addon.ui.focus.bokeh']"
 SHIPPED = sorted((ROOT / "presets" / VIRTUAL_APERTURE_PT_lens_presets.preset_subdir).glob("*.py"))
@@ -25,12 +24,8 @@ WHITE = 240
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, folder: Path, registered: None) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "bokeh", str(write_scene(folder / "bokeh")))
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.settle()
-    yield made
-    made.close()
+    with running(screen, resources, "bokeh", write_scene(folder / "bokeh"), tab=False) as made:
+        yield made
 
 
 def opened(program: Program, panel: str, name: str) -> np.ndarray:

@@ -19,9 +19,9 @@ from addon.core.sfm.workspace import default_work_dir, keep_import
 
 from ..scenes import slanted_plane
 from .clips import FRAMES, write_scene
-from .conftest import PICTURES
 from .program import EXTENSION, ROOT, Program
 from .screen import Screen
+from .steps import running
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 MODULES = f"__import__('sys').modules['{EXTENSION}.addon"
@@ -63,13 +63,9 @@ def blend(folder: Path, registered: None) -> Path:
 
 @pytest.fixture(scope="module")
 def program(small_screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
-    made = Program(small_screen, resources, PICTURES / "busy")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")  # the splash screen
-    made.settle()
-    made.ask(WATCH)
-    yield made
-    made.close()
+    with running(small_screen, resources, "busy", tab=False) as made:
+        made.ask(WATCH)
+        yield made
 
 
 @contextmanager

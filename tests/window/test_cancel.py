@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from .clips import read_exr, write_scene
-from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
+from .steps import running
 
 SIZES = ((640, 360), (1920, 1080))
 FAILING = f"""
@@ -28,12 +28,8 @@ views.view_rows = failing
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "cancel")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.settle()
-    yield made
-    made.close()
+    with running(screen, resources, "cancel", tab=False) as made:
+        yield made
 
 
 @pytest.fixture(params=SIZES, ids=["360p", "1080p"], scope="module")

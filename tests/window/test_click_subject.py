@@ -10,10 +10,10 @@ import pytest
 
 from .. import planes
 from ..subjects import walls
-from .conftest import PICTURES
+from .clips import saved, solved_scene
 from .program import Program
 from .screen import Screen
-from .steps import MARKS, PICKING, SETTINGS, begin, over
+from .steps import MARKS, PICKING, SETTINGS, begin, over, running
 
 FRAMES, FRAME = tuple(range(11, 22)), 16
 SUBJECTS = f"[each.name for each in {SETTINGS}.subjects.items]"
@@ -28,29 +28,20 @@ def blend(folder: Path, registered: None) -> Path:
     import bpy
 
     from addon.core.media.clip import open_footage
-    from addon.scene.build import build
 
     made = folder / "disc"
     made.mkdir()
     pictures = [walls.with_disc(frame)[..., ::-1] for frame in FRAMES]
     footage = open_footage(planes.write_clip(made / "clip", pictures, FRAMES[0]))
-    bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
-    bpy.data.objects.remove(bpy.data.objects["Cube"])
-    build(bpy.context.scene, footage, walls.filmed(walls.with_disc, FRAMES).reconstruction)
+    solved_scene(footage, walls.filmed(walls.with_disc, FRAMES).reconstruction)
     bpy.context.scene.frame_set(FRAME)
-    bpy.ops.wm.save_as_mainfile(filepath=str(made / "scene.blend"))
-    return made / "scene.blend"
+    return saved(made)
 
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "click_subject", str(blend))
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.settle()
-    made.show_sidebar("Virtual Aperture")
-    yield made
-    made.close()
+    with running(screen, resources, "click_subject", blend) as made:
+        yield made
 
 
 def test_a_click_focuses_on_all_of_a_moving_object(program: Program) -> None:

@@ -9,10 +9,9 @@ import pytest
 
 from .. import planes
 from ..foreign_models import write_clip, write_model
-from .conftest import PICTURES
 from .program import Program
 from .screen import Screen
-from .steps import PRESETS, drop
+from .steps import PRESETS, drop, running
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 LENS = f"[round({SETTINGS}.blur, 4), round({SETTINGS}.shape.obstruction, 2), {SETTINGS}.focus_distance]"
@@ -30,12 +29,8 @@ pytestmark = pytest.mark.usefixtures("in_order")
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "drop")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")  # the splash screen
-    made.settle()
-    yield made
-    made.close()
+    with running(screen, resources, "drop", tab=False) as made:
+        yield made
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,24 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import CLIP, DEPTH, LEFT, MODAL, PANELS, RIGHT, SETTINGS, drop, ended, first_window, opened, over
+from .steps import (
+    CLIP,
+    DEPTH,
+    LEFT,
+    MODAL,
+    PANELS,
+    RIGHT,
+    SETTINGS,
+    drop,
+    ended,
+    first_window,
+    open_details,
+    opened,
+    over,
+    running,
+)  # fmt: skip
 
 PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
 SCALING = f"'VIRTUAL_APERTURE_OT_set_scale' in {MODAL}"
@@ -46,12 +60,8 @@ def project(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def program(hd_screen: Screen, resources: Path) -> Iterator[Program]:
-    made = Program(hd_screen, resources, PICTURES / "first_panel")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.show_sidebar("Virtual Aperture")
-    yield made
-    made.close()
+    with running(hd_screen, resources, "first_panel") as made:
+        yield made
 
 
 def make_wide(program: Program, width: int) -> None:

@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from .clips import write_scene
-from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import SETTINGS
+from .steps import SETTINGS, running
 
 FRAMES = range(1, 25)
 MARKS = f"[[mark.frame, mark.name] for mark in {SETTINGS}.marks.items]"
@@ -46,15 +45,9 @@ def blend(folder: Path, registered: None) -> Path:
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "strip")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
-    made.settle()
-    made.ask("view('VIEW_3D')['area'].spaces.active.region_3d.view_perspective = 'CAMERA'; None")
-    made.show_sidebar("Virtual Aperture")
-    yield made
-    made.close()
+    with running(screen, resources, "strip", blend) as made:
+        made.ask("view('VIEW_3D')['area'].spaces.active.region_3d.view_perspective = 'CAMERA'; None")
+        yield made
 
 
 def strip(program: Program, part: str) -> list[float]:

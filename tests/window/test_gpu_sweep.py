@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import PICTURES
 from .program import BACKEND, EXTENSION, Program, headless
 from .screen import Screen
+from .steps import running
 
 MATCHER = f"{EXTENSION}.addon.scene.gpu.gpu_matcher"
 ALONE = f"""
@@ -35,9 +35,8 @@ None
 
 @pytest.fixture
 def program(small_screen: Screen, resources: Path) -> Iterator[Program]:
-    made = Program(small_screen, resources, PICTURES / "gpu_sweep")
-    yield made
-    made.close()
+    with running(small_screen, resources, "gpu_sweep", tab=False) as made:
+        yield made
 
 
 def test_it_is_right_without_a_window(resources: Path) -> None:

@@ -14,10 +14,9 @@ from addon.core.media.light import encode_srgb
 from ..media.colour_curves import HLG
 from ..scenes import texture
 from .clips import light_of, write_scene
-from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import SETTINGS, over
+from .steps import SETTINGS, over, running
 
 SIZE = (320, 180)
 BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW.is_busy()"
@@ -26,18 +25,14 @@ BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport']
 @pytest.fixture
 def program(small_screen: Screen, resources: Path, folder: Path, registered: None) -> Iterator[Program]:
     blend = write_scene(folder / "hlg", SIZE, 8, (1, 2), HLG)
-    made = Program(small_screen, resources, PICTURES / "hdr")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.ask(
-        f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r})\n"
-        "bpy.data.objects.remove(bpy.data.objects['Cube'])\n"
-        f"{SETTINGS}.method, {SETTINGS}.blur = 'features', 0.02\n"
-        "view('VIEW_3D')['area'].spaces.active.region_3d.view_perspective = 'CAMERA'\n"
-    )
-    made.settle()
-    yield made
-    made.close()
+    with running(small_screen, resources, "hdr", blend, tab=False) as made:
+        made.ask(
+            "bpy.data.objects.remove(bpy.data.objects['Cube'])\n"
+            f"{SETTINGS}.method, {SETTINGS}.blur = 'features', 0.02\n"
+            "view('VIEW_3D')['area'].spaces.active.region_3d.view_perspective = 'CAMERA'\n"
+        )
+        made.settle()
+        yield made
 
 
 def seen(program: Program, name: str) -> np.ndarray:

@@ -17,10 +17,9 @@ import numpy as np
 import pytest
 
 from .clips import read_exr
-from .conftest import PICTURES
 from .program import EXTENSION, ROOT, Program
 from .screen import Screen
-from .steps import LEFT, MARKS, PICKING, begin, drop, ended, over
+from .steps import LEFT, MARKS, PICKING, begin, drop, ended, over, running
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 SPACE = "view('VIEW_3D')['area'].spaces.active"
@@ -45,12 +44,8 @@ def project(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "hands")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.show_sidebar("Virtual Aperture")
-    yield made
-    made.close()
+    with running(screen, resources, "hands") as made:
+        yield made
 
 
 def watch(program: Program) -> None:

@@ -15,10 +15,20 @@ import numpy as np
 import pytest
 
 from .clips import read_exr
-from .conftest import PICTURES
 from .program import EXTENSION, Program, headless
 from .screen import Screen
-from .steps import CLIP, DEPTH, MODAL, RIGHT, SETTINGS, SOLVING, first_window, opened, show_preferences
+from .steps import (
+    CLIP,
+    DEPTH,
+    MODAL,
+    PICTURES,
+    RIGHT,
+    SETTINGS,
+    SOLVING,
+    first_window,
+    opened,
+    show_preferences,
+)
 
 LAYER = "bpy.context.window_manager.windows[0].view_layer"
 SCENE = "sorted([o.name for o in bpy.data.objects] + [m.name for m in bpy.data.meshes])"

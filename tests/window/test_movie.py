@@ -16,9 +16,9 @@ from addon.scene.build import build
 from benchmarks.torture import clip as solved
 
 from ..lamps import place_lamp
-from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
+from .steps import running
 
 COUNT = 40
 MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.movie']._movie"
@@ -55,13 +55,8 @@ def blend(folder: Path, registered: None) -> Path:
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "movie", str(blend))
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.settle()
-    made.show_sidebar("Virtual Aperture")
-    yield made
-    made.close()
+    with running(screen, resources, "movie", blend) as made:
+        yield made
 
 
 def pressed(program: Program) -> None:
@@ -165,15 +160,8 @@ def test_closing_blender_asks_first_and_keeps_finished_frames(
     program.wait_end()
     kept = {path: path.stat().st_mtime_ns for path in (blend.parent / f"{out.name}.frames").glob("*.png")}
     assert kept and not out.exists()
-    again = Program(screen, resources, PICTURES / "movie", str(blend))
-    try:
-        again.screen.move(*again.middle("VIEW_3D"))
-        again.screen.key("Escape")
-        again.settle()
-        again.show_sidebar("Virtual Aperture")
+    with running(screen, resources, "movie", blend) as again:
         pressed(again)
         again.wait(f"{MOVIE}.done > {len(kept)}", 120)
         assert {path: path.stat().st_mtime_ns for path in kept} == kept
         again.press("virtual_aperture.cancel_movie", across=0.87)
-    finally:
-        again.close()

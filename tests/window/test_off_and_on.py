@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from .clips import write_scene
-from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import first_window, show_preferences
+from .steps import first_window, running, show_preferences
 
 PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
 SHADING = "view('VIEW_3D')['area'].spaces.active.shading.type"
@@ -23,12 +22,8 @@ ON = f"bpy.ops.preferences.addon_enable(module={EXTENSION!r}); None"
 def program(small_screen: Screen, resources: Path, folder: Path, registered: None) -> Iterator[Program]:
     """A solved scene in the camera's view."""
     blend = write_scene(folder / "off_and_on", views=16)
-    made = Program(small_screen, resources, PICTURES / "off_and_on", str(blend))
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.settle()
-    yield made
-    made.close()
+    with running(small_screen, resources, "off_and_on", blend, tab=False) as made:
+        yield made
 
 
 def preview(program: Program, name: str) -> None:

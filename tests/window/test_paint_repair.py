@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from .conftest import PICTURES
+from addon.core.camera.reconstruction import Reconstruction
+
+from .clips import write_desk
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import MODAL, SETTINGS, over
+from .steps import MARKS, MODAL, PICKING, SETTINGS, over, running
 
 PAINTING = f"'VIRTUAL_APERTURE_OT_paint_repair' in {MODAL}"
 REPAIRS = f"[[r.kind, r.frame, len(r.places), r.reference[0] >= 0] for r in {SETTINGS}.repairs.items]"
@@ -34,39 +36,21 @@ pytestmark = pytest.mark.usefixtures("in_order")
 @pytest.fixture(scope="module")
 def blend(folder: Path, registered: None, desk: Path, desk_work: Path) -> Path:
     """The sample clip, solved, with its wall in focus, in a .blend."""
-    import bpy
-
     from addon.core.focus.focus import Focus
-    from addon.core.sfm.workspace import load_solve
-    from addon.scene.build import build
     from addon.scene.lens.lens import set_focus
 
-    made = folder / "repair"
-    made.mkdir()
-    clip = Path(shutil.copy(desk, made))
-    bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
-    bpy.data.objects.remove(bpy.data.objects["Cube"])
-    solved = load_solve(desk_work, clip)
-    settings = build(bpy.context.scene, solved.open_clip(solved.frames), solved.reconstruction)
-    settings.footage, settings.blur = "//desk.mp4", 0.05
-    image = solved.reconstruction.images[0]
-    far = np.percentile(image.to_camera(solved.reconstruction.points.xyz[image.points])[:, 2], 90)
-    set_focus(settings, Focus(distance=float(far)), image.frame)
-    file = made / "scene.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(file))
-    return file
+    def focus_on_wall(settings: Any, solve: Reconstruction) -> None:
+        settings.blur, image = 0.05, solve.images[0]
+        far = np.percentile(image.to_camera(solve.points.xyz[image.points])[:, 2], 90)
+        set_focus(settings, Focus(distance=float(far)), image.frame)
+
+    return write_desk(folder / "repair", desk, desk_work, focus_on_wall)
 
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "repair")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
-    made.settle()
-    made.show_sidebar("Virtual Aperture")
-    yield made
-    made.close()
+    with running(screen, resources, "repair", blend) as made:
+        yield made
 
 
 def detail(program: Program, name: str) -> float:

@@ -16,10 +16,9 @@ import cv2
 import numpy as np
 import pytest
 
-from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import LEFT, MARKS, PICKING, SETTINGS, begin, drop, over
+from .steps import LEFT, MARKS, PICKING, SETTINGS, begin, drop, over, running
 
 PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
 SEARCH = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.first_person']._search"
@@ -70,12 +69,8 @@ def project(folder: Path, data: Path, case: Case) -> Path:
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, project: Path, case: Case) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / case.name)
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.show_sidebar("Virtual Aperture")
-    yield made
-    made.close()
+    with running(screen, resources, case.name) as made:
+        yield made
 
 
 def idle(program: Program) -> None:

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from .. import planes
-from .conftest import PICTURES
 from .program import Program
 from .screen import Screen
-from .steps import RIGHT, SETTINGS
+from .steps import RIGHT, SETTINGS, running
 
 PLACES = {"DSC_0009": (0.0, 0.0), "DSC_0003": (0.6, 0.1), "DSC_0007": (-0.6, 0.2), "DSC_0001": (0.1, -0.6)}
 POPUP = 1.0
@@ -30,14 +29,10 @@ def program(screen: Screen, resources: Path, folder: Path) -> Iterator[Program]:
     for name, (x, y) in PLACES.items():
         picture = planes.view(np.array([x, y, 0.0]), np.array([-y / 7, x / 7, 0.0]))
         cv2.imwrite(str(photos / f"{name}.png"), picture)
-    made = Program(screen, resources, PICTURES / "photos")
-    made.settle()
-    made.screen.key("Escape")  # the splash screen
-    made.show_sidebar("Virtual Aperture")
-    made.ask(f"{SETTINGS}.footage = {str(photos)!r}; None")
-    made.settle()
-    yield made
-    made.close()
+    with running(screen, resources, "photos") as made:
+        made.ask(f"{SETTINGS}.footage = {str(photos)!r}; None")
+        made.settle()
+        yield made
 
 
 def test_photos_are_solved(program: Program) -> None:

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from .conftest import PICTURES
+from .clips import write_desk
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import MARKS, begin, ended, over
+from .steps import MARKS, PICKING, begin, ended, over, running
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 POINTS = f"[entry.point for entry in {SETTINGS}.focus_points]"
@@ -31,21 +31,12 @@ def blend(folder: Path, registered: None, desk: Path, desk_work: Path) -> Path:
     import bpy
 
     from addon.core.depth.source import NO_PICTURE
-    from addon.core.sfm.workspace import load_solve
-    from addon.scene.build import build
     from addon.scene.sources.shot import shot_of
 
-    made = folder / "pick"
-    made.mkdir()
-    clip = Path(shutil.copy(desk, made))
-    bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
-    bpy.data.objects.remove(bpy.data.objects["Cube"])
-    solved = load_solve(desk_work, clip)
-    settings = build(bpy.context.scene, solved.open_clip(solved.frames), solved.reconstruction)
-    settings.footage = "//desk.mp4"
-    settings.work_dir = str(shutil.copytree(desk_work, made / "work"))
-    file = made / "scene.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(file))
+    def keep_depth(settings: Any, _solve: object) -> None:
+        settings.work_dir = str(shutil.copytree(desk_work, folder / "pick" / "work"))
+
+    file = write_desk(folder / "pick", desk, desk_work, keep_depth)
     context = shot_of(bpy.context.scene).context
     for frame in PICKED_IN:
         context.depth_source().at(frame, context.canvas(frame), NO_PICTURE)
@@ -54,14 +45,8 @@ def blend(folder: Path, registered: None, desk: Path, desk_work: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "pick")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
-    made.settle()
-    made.show_sidebar("Virtual Aperture")
-    yield made
-    made.close()
+    with running(screen, resources, "pick", blend) as made:
+        yield made
 
 
 def edited(program: Program, question: str, *keys: str) -> Any:

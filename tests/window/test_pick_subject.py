@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from .conftest import PICTURES
+from .clips import write_desk
 from .program import Program
 from .screen import Screen
-from .steps import MARKS, MODAL, SETTINGS, over
+from .steps import MARKS, MODAL, SETTINGS, over, running
 
 PICKING = f"'VIRTUAL_APERTURE_OT_pick_subject' in {MODAL}"
 FOCUSING = f"'VIRTUAL_APERTURE_OT_focus_subject' in {MODAL}"
@@ -33,34 +32,13 @@ pytestmark = pytest.mark.usefixtures("in_order")
 @pytest.fixture(scope="module")
 def blend(folder: Path, registered: None, desk: Path, desk_work: Path) -> Path:
     """The sample clip, solved, in a .blend."""
-    import bpy
-
-    from addon.core.sfm.workspace import load_solve
-    from addon.scene.build import build
-
-    made = folder / "subject"
-    made.mkdir()
-    clip = Path(shutil.copy(desk, made))
-    bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
-    bpy.data.objects.remove(bpy.data.objects["Cube"])
-    solved = load_solve(desk_work, clip)
-    settings = build(bpy.context.scene, solved.open_clip(solved.frames), solved.reconstruction)
-    settings.footage = "//desk.mp4"
-    file = made / "scene.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(file))
-    return file
+    return write_desk(folder / "subject", desk, desk_work)
 
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "subject")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
-    made.settle()
-    made.show_sidebar("Virtual Aperture")
-    yield made
-    made.close()
+    with running(screen, resources, "subject", blend) as made:
+        yield made
 
 
 def tint(program: Program, name: str) -> float:

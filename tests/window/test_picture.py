@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from .clips import write_scene
-from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import PICKING, over
+from .steps import PICKING, over, running
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 SPACE = "view('VIEW_3D')['area'].spaces.active"
@@ -32,20 +31,15 @@ pytestmark = pytest.mark.usefixtures("in_order")
 @pytest.fixture(scope="module")
 def program(small_screen: Screen, resources: Path, folder: Path, registered: None) -> Iterator[Program]:
     blend = write_scene(folder / "picture", (640, 360), 4, FRAMES)
-    made = Program(small_screen, resources, PICTURES / "picture")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
-    made.settle()
-    # Depth is not what is looked at here.
-    made.ask(
-        "bpy.data.objects.remove(bpy.data.objects['Cube'])\n"
-        f"{SETTINGS}.method, {SETTINGS}.blur = 'features', 0.06\n"
-        f"{SPACE}.region_3d.view_perspective = 'CAMERA'\n"
-    )
-    made.settle()
-    yield made
-    made.close()
+    with running(small_screen, resources, "picture", blend, tab=False) as made:
+        # Depth is not what is looked at here.
+        made.ask(
+            "bpy.data.objects.remove(bpy.data.objects['Cube'])\n"
+            f"{SETTINGS}.method, {SETTINGS}.blur = 'features', 0.06\n"
+            f"{SPACE}.region_3d.view_perspective = 'CAMERA'\n"
+        )
+        made.settle()
+        yield made
 
 
 def call(program: Program, name: str) -> None:

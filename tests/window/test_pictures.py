@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 
 from . import file_drop
-from .conftest import PICTURES
 from .program import EXTENSION, ROOT, Program
 from .screen import Screen
 from .steps import (
@@ -26,6 +25,7 @@ from .steps import (
     DOWN,
     LEFT,
     MODAL,
+    PICTURES,
     PRESETS,
     SETTINGS,
     UP,
@@ -33,8 +33,10 @@ from .steps import (
     ended,
     first_window,
     open_below,
+    open_details,
     opened,
     over,
+    running,
     show_preferences,
 )  # fmt: skip
 
@@ -60,12 +62,8 @@ pytestmark = pytest.mark.usefixtures("in_order")
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "pictures")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")  # the splash screen
-    made.settle()
-    yield made
-    made.close()
+    with running(screen, resources, "pictures", tab=False) as made:
+        yield made
 
 
 def keep(program: Program, name: str, *boxes: Box) -> None:

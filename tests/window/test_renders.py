@@ -12,9 +12,9 @@ import pytest
 from addon.core.media.light import encode_srgb
 
 from .clips import FRAMES, read_exr, write_scene
-from .conftest import PICTURES
 from .program import EXTENSION, Program, headless
 from .screen import Screen
+from .steps import running
 
 MODES = ("WINDOW", "SCREEN", "AREA", "NONE")
 COUNT = 10
@@ -46,18 +46,15 @@ def program(small_screen: Screen, resources: Path, blend: Path) -> Iterator[Prog
     So the layout of windows is the file's. And on lavapipe a program crashes after some 400 drawings of a
     window (docs/known_defects.md): all modes together take more.
     """
-    made = Program(small_screen, resources, PICTURES / "renders")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    # Timers run in the order in which they began: ours before the extension's, so that each of its turns
-    # finds the context of another window.
-    made.ask("bpy.app.timers.register(redraw, persistent=True)")
-    made.ask(f"bpy.ops.preferences.addon_disable(module={EXTENSION!r})")
-    made.ask(f"bpy.ops.preferences.addon_enable(module={EXTENSION!r})")
-    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
-    made.settle()
-    yield made
-    made.close()
+    with running(small_screen, resources, "renders", tab=False) as made:
+        # Timers run in the order in which they began: ours before the extension's, so that each of its turns
+        # finds the context of another window.
+        made.ask("bpy.app.timers.register(redraw, persistent=True)")
+        made.ask(f"bpy.ops.preferences.addon_disable(module={EXTENSION!r})")
+        made.ask(f"bpy.ops.preferences.addon_enable(module={EXTENSION!r})")
+        made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
+        made.settle()
+        yield made
 
 
 def similarity(shot: np.ndarray, picture: np.ndarray) -> float:

@@ -10,10 +10,9 @@ import pytest
 from mathutils import Matrix
 
 from .. import camera_files as files
-from .conftest import PICTURES
 from .program import Program
 from .screen import Screen
-from .steps import SETTINGS, open_below, opened
+from .steps import SETTINGS, open_below, opened, running
 
 DIALOG = 0.5
 """Seconds until Blender has drawn it."""
@@ -24,12 +23,9 @@ pytestmark = pytest.mark.usefixtures("in_order")
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, folder: Path) -> Iterator[Program]:
     clip = files.write_clip(folder / "filmed")
-    made = Program(screen, resources, PICTURES / "scene_camera", str(_scene(folder / "filmed.blend")))
-    made.settle()
-    made.show_sidebar("Virtual Aperture")
-    made.ask(f"{SETTINGS}.footage = {str(clip)!r}; None")
-    yield made
-    made.close()
+    with running(screen, resources, "scene_camera", _scene(folder / "filmed.blend")) as made:
+        made.ask(f"{SETTINGS}.footage = {str(clip)!r}; None")
+        yield made
 
 
 def _scene(path: Path) -> Path:

@@ -17,9 +17,9 @@ from addon.core.sfm.workspace import default_work_dir, keep_import
 
 from ..scenes import slanted_plane
 from .clips import FRAMES, write_scene
-from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
+from .steps import running
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 MODULES = f"__import__('sys').modules['{EXTENSION}.addon"
@@ -51,15 +51,9 @@ def blend(folder: Path, registered: None) -> Path:
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "view_and_panel")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
-    made.settle()
-    made.show_sidebar("Virtual Aperture")
-    made.ask(f"{SETTINGS}.views = 4")
-    yield made
-    made.close()
+    with running(screen, resources, "view_and_panel", blend) as made:
+        made.ask(f"{SETTINGS}.views = 4")
+        yield made
 
 
 def call(program: Program, name: str) -> None:

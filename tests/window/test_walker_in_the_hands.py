@@ -20,10 +20,10 @@ from benchmarks.accuracy.mask_metrics import outline_band, stroke
 from benchmarks.accuracy.scenes import Staged
 from benchmarks.accuracy.subjects import PART
 
-from .conftest import PICTURES
+from .clips import saved, solved_scene
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import MARKS, MODAL, SETTINGS, begin, ended, over
+from .steps import MARKS, MODAL, SETTINGS, begin, ended, over, running
 
 WORKING = f"[n for n in {MODAL} if 'subject' in n]"
 BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW.is_busy()"
@@ -62,35 +62,21 @@ def lit_shares() -> list[float]:
 @pytest.fixture(scope="module")
 def blend(folder: Path, registered: None, walker: Staged) -> Path:
     """The clip, solved, in a .blend."""
-    import bpy
-
     from addon.core.media.clip import open_footage
-    from addon.scene.build import build
 
     solved = FromVideo(walker).reconstruction
     made = folder / "walker"
     shutil.copytree(walker.clip(), made / "clip")
     for frame in (NEAR, BACK):
         walker.subject(frame)  # Found now: opening a file takes its scene away.
-    bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
-    bpy.data.objects.remove(bpy.data.objects["Cube"])
-    settings = build(bpy.context.scene, open_footage(made / "clip"), solved)
-    settings.blur = BLUR
-    file = made / "scene.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(file))
-    return file
+    solved_scene(open_footage(made / "clip"), solved).blur = BLUR
+    return saved(made)
 
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
-    made = Program(screen, resources, PICTURES / "walker")
-    made.screen.move(*made.middle("VIEW_3D"))
-    made.screen.key("Escape")
-    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
-    made.settle()
-    made.show_sidebar("Virtual Aperture")
-    yield made
-    made.close()
+    with running(screen, resources, "walker", blend) as made:
+        yield made
 
 
 def go_to(program: Program, frame: int) -> None:
