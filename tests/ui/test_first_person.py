@@ -74,9 +74,10 @@ def test_the_nearest_person_takes_the_place_of_the_first_focus(
     assert settings.blur == pytest.approx(blur, rel=1e-5)
     assert "In focus: the nearest person" in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
     missing = "People are not recognised: this build of the extension has no networks"
-    assert missing not in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
+    details = panels.notices.VIRTUAL_APERTURE_PT_details
+    assert missing not in " ".join(draw(details).texts)
     monkeypatch.setattr(Networks, "exist", False)
-    assert missing in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
+    assert missing in " ".join(draw(details).texts)
     # Another focus that somebody has picked stays.
     focus_marks.put(settings, FEW[2], [Place(Focus(distance=5.0), FEW[2], 5.0, "a distance")])
     first_person.focus(scene)

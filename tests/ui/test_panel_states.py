@@ -26,6 +26,8 @@ from ..scenes import slanted_shot
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 Settings = bpy.types.PropertyGroup
+LONGEST = 32
+"""Characters of a line that a sidebar shows whole as Blender opens it."""
 
 
 def no_clip(settings: Settings, _folder: Path) -> None:
@@ -171,6 +173,36 @@ def test_panels_draw(
         getattr(getattr(bpy.ops, group), operator).poll()
 
 
+def advised(settings: Settings, _folder: Path) -> None:
+    settings.advice = "depth is not exact: keep the blur small, or film with more sideways movement"
+
+
+WARNED = (of_another_shape, moved, wrong, failed, unsure, advised, without("camera"), without("root"))
+
+
+@pytest.mark.parametrize("make", WARNED, ids=lambda make: make.__name__)
+def test_a_warning_is_a_line_below_the_buttons(
+    scene: bpy.types.Scene, tmp_path: Path, make: Callable[[Settings, Path], None]
+) -> None:
+    shot, work = slanted_shot(tmp_path / "clip", LENS), tmp_path / "work"
+    settings = build(scene, shot.footage, shot.reconstruction)
+    settings.work_dir = str(work)
+    before = draw(panels.main.VIRTUAL_APERTURE_PT_main)
+    assert "Details" not in before.texts
+    try:
+        make(settings, tmp_path)
+        after = draw(panels.main.VIRTUAL_APERTURE_PT_main)
+        details = draw(panels.notices.VIRTUAL_APERTURE_PT_details)
+    finally:
+        depth_ahead._ahead = None
+    assert after.operators == before.operators
+    at = after.texts.index("Details")
+    # The name of the clip and of the movie may be another one's.
+    assert at == len(before.texts)
+    (line,) = after.texts[at + 1 :]
+    assert len(line) <= LONGEST and len(" ".join(details.texts)) > len(line)
+
+
 def test_the_clip_size_is_the_way_out_of_another_shape(scene: bpy.types.Scene, tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match="Solve the clip first"):
         bpy.ops.virtual_aperture.use_clip_size()
@@ -179,7 +211,7 @@ def test_the_clip_size_is_the_way_out_of_another_shape(scene: bpy.types.Scene, t
     use = "virtual_aperture.use_clip_size"
     render = scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = 1000, 1000, 50
-    assert use in draw(panels.main.VIRTUAL_APERTURE_PT_main).operators
+    assert use in draw(panels.notices.VIRTUAL_APERTURE_PT_details).operators
     assert bpy.ops.virtual_aperture.use_clip_size() == {"FINISHED"}
     assert (render.resolution_x, render.resolution_y, render.resolution_percentage) == (160, 90, 50)
     assert use not in draw(panels.main.VIRTUAL_APERTURE_PT_main).operators

@@ -26,7 +26,7 @@ def test_frames_without_a_camera_are_listed(scene: bpy.types.Scene, tmp_path: Pa
     some = replace(whole, images=tuple(image for image in whole.images if image.frame in (1, 3, 6)))
     settings = build(scene, shot.footage, some)
     settings.focus_distance, settings.views, settings.method = 8.0, 4, "features"
-    panel = panels.main.VIRTUAL_APERTURE_PT_main
+    panel = panels.notices.VIRTUAL_APERTURE_PT_details
     assert "The Last Render" not in draw(panel).texts
     scene.render.filepath = str(tmp_path / "out" / "####.png")
     bpy.ops.render.render(animation=True)

@@ -283,10 +283,10 @@ def test_the_list_of_the_last_render(program: Program) -> None:
     program.render(seconds=180)
     first_window(program)
     scroll(program, DOWN)
-    y = program.find("jump_to_frame", "VIEW_3D", "UI", across=0.81).y
-    rest(program)
-    left, _, right, _ = sidebar(program)
-    keep(program, "report", (left, y - 100, right, y + 45))
+    x, y = open_details(program, "render_clip")
+    program.screen.move(x, y + 30)
+    program.still()
+    keep(program, "report", (x - 200, y - 20, x + 200, y + 160))
 
 
 def test_the_pages_show_these_pictures() -> None:

@@ -17,7 +17,7 @@ from .solving import running_solve
 
 Result = set[str]
 
-NO_CAMERA = "The camera was deleted; Restore Objects, at the top, brings it back"
+NO_CAMERA = "The camera was deleted; Restore Objects, under Details, brings it back"
 LOOK = 0.1
 """Seconds between two looks at another process."""
 
@@ -86,7 +86,7 @@ def has_points(cls: Any, context: bpy.types.Context, to_do: str) -> bool:
     if points.mode == "EDIT":
         return True
     if not parts.is_in(context.scene, points):
-        cls.poll_message_set("The point cloud was deleted; Restore Objects, at the top, brings it back")
+        cls.poll_message_set("The point cloud was deleted; Restore Objects, under Details, brings it back")
     elif points.name not in context.view_layer.objects:
         cls.poll_message_set("The point cloud's collection is excluded from the view layer")
     else:

@@ -9,6 +9,9 @@ from ...render.viewport.message import lines
 MARGIN = 85
 """Pixels of a panel's width that its text does not get, at a resolution scale of 1."""
 
+UNIT = 20
+"""Pixels of Blender's unit of widths, at a resolution scale of 1."""
+
 
 def wrapped(
     layout: bpy.types.UILayout,
@@ -17,16 +20,19 @@ def wrapped(
     icon: str = "NONE",
     alert: bool = False,
     beside: float = 0.0,
+    units: int = 0,
 ) -> None:
     """Draw a text as labels as wide as the panel, the icon before the first.
 
-    `beside` is the width of something at its side, in pixels at a resolution scale of 1.
+    `beside` is the width of something at its side, in pixels at a resolution scale of 1; `units` that of a
+    popover, in units of `UNIT` such pixels.
     """
     column = layout.column(align=True)
     column.alert = alert
     column.scale_y = 0.8
     scale = context.preferences.system.ui_scale
-    for number, line in enumerate(lines(text, max(width_of(context) - beside * scale, 1.0), scale)):
+    width = (units * UNIT - MARGIN) * scale if units else width_of(context)
+    for number, line in enumerate(lines(text, max(width - beside * scale, 1.0), scale)):
         # An icon's width of nothing keeps the lines in one column.
         column.label(text=line, icon=icon if number == 0 or icon == "NONE" else "BLANK1")
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from . import clip, focus, lens, main, preview, render, solve
+from . import clip, focus, lens, main, notices, preview, render, solve
 
 CLASSES = (
     *main.CLASSES,
+    *notices.CLASSES,
     *clip.CLASSES,
     *solve.CLASSES,
     *focus.CLASSES,

@@ -7,16 +7,15 @@ from pathlib import Path
 import bpy
 
 from ...core.focus.first_focus import NEAREST
-from ...core.subjects.networks import MISSING, Networks
 from ...scene.base import version
 from ...scene.base.timeline import clip_frame
 from ...scene.lens import blender_focus, depth_of_field, lens
-from ..base import operators, solving
+from ..base import solving
 from ..base.solving import Solving
 from ..base.text import progress_row, wrapped
 from ..focus import focus_list, lens_presets
 from ..footage import choose_clip, photos, solve
-from ..jobs import depth_ahead, first_person, movie, render_clip, report_list
+from ..jobs import depth_ahead, first_person, movie, render_clip
 from ..picking import pick_focus, pick_vertices, set_scale
 from . import clip, live_preview, notices, render
 from .panel import PRIMARY, Panel, split
@@ -45,10 +44,9 @@ class VIRTUAL_APERTURE_PT_main(Panel, bpy.types.Panel):  # noqa: N801
             layout.label(text=running.clip, icon="FILE_MOVIE")
         elif settings.footage:
             _draw_clip(layout, settings)
-        notices.draw_scene(layout, context)
         if version.is_newer(settings):
+            notices.draw(layout, context)
             return
-        notices.draw_clip(layout, context)
         if running is not None:
             _draw_solving(layout, running)
         elif not settings.footage:
@@ -58,6 +56,8 @@ class VIRTUAL_APERTURE_PT_main(Panel, bpy.types.Panel):  # noqa: N801
             _draw_unsolved(layout, context)
         else:
             _draw_solved(layout, context)
+        # Last: a warning moves no button.
+        notices.draw(layout, context)
 
 
 def _large(layout: bpy.types.UILayout) -> bpy.types.UILayout:
@@ -102,7 +102,6 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         wrapped(layout, context, "Select vertices on what should be sharp, ideally four", icon="INFO")
         _large(layout).operator(pick_vertices.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
     _draw_marks(layout, context)
-    _draw_missing(layout, context)
     _draw_amount(layout, settings)
     row = _large(layout)
     # Without icons: in a narrow sidebar they would cut their names off.
@@ -110,18 +109,9 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     row.operator(render_clip.VIRTUAL_APERTURE_OT_render_clip.bl_idname)
     wrapped(layout, context, render.output_words(context.scene), icon="OUTPUT")
     movie.draw(layout)
-    report_list.draw(layout, context)
-    # Below all buttons, which warnings must not move.
-    if advice := settings.advice:
-        wrapped(layout, context, operators.sentence(advice), icon="INFO")
-    notices.draw_depth(layout, context)
-    notices.draw_shape(layout, context)
-    notices.draw_engine(layout, context)
-    notices.draw_ignored(layout, context)
-    # Last: no button moves under the mouse when it ends.
+    depth_ahead.draw_progress(layout, settings)
     if searching := first_person.words():
         layout.label(text=searching, icon="TIME")
-    depth_ahead.draw_progress(layout, settings)
 
 
 def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -150,12 +140,6 @@ def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         )  # fmt: skip
         jump.frame = mark.frame
     row.operator(pick_focus.VIRTUAL_APERTURE_OT_pick_focus.bl_idname, text="", icon="ADD").add = True
-
-
-def _draw_missing(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Report that people cannot be in focus by themselves; nothing once a focus is picked."""
-    if context.scene.virtual_aperture.marks.is_first and not Networks().exist:
-        wrapped(layout, context, operators.sentence(MISSING), icon="INFO")
 
 
 def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:

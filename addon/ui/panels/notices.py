@@ -1,12 +1,19 @@
-"""Warnings in panels."""
+"""Warnings: a line each in the main panel, and a popover with the whole text and the way out."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
 import bpy
 
+from ...core.base.counting import counted
 from ...core.base.errors import UserError
+from ...core.subjects.networks import MISSING, Networks
 from ...render.engine import VirtualApertureEngine
+from ...render.views import frame_notes
 from ...scene import parts
+from ...scene.base import version
 from ...scene.ignored import ignored
 from ...scene.sources.clip import trouble_with
 from ..base.operators import check_may_change, sentence
@@ -15,50 +22,129 @@ from ..base.text import wrapped
 from ..footage.find_clip import VIRTUAL_APERTURE_OT_find_clip
 from ..footage.restore import VIRTUAL_APERTURE_OT_restore_objects
 from ..footage.solve import VIRTUAL_APERTURE_OT_solve
-from ..jobs import depth_ahead, render_clip
+from ..jobs import depth_ahead, render_clip, report_list
 from ..picking.pick_subject import VIRTUAL_APERTURE_OT_pick_subject
 
+WIDE = 18
+"""Width of the popover in Blender's units of 20 pixels, at a resolution scale of 1."""
+Draw = Callable[[bpy.types.UILayout], object]
 
-def draw_scene(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw a warning that the scene cannot be changed, or lacks objects, with the way out."""
-    try:
-        check_may_change(context.scene)
-    except UserError as error:
-        wrapped(layout.box(), context, sentence(str(error)), icon="ERROR")
+
+@dataclass(frozen=True)
+class Notice:
+    """A problem of the scene or the clip."""
+
+    short: str
+    """The panel's line: 32 characters at most fit a sidebar as Blender opens it."""
+    lines: tuple[str, ...]
+    """The whole text, in paragraphs."""
+    icon: str = "INFO"
+    draw_way_out: Draw = lambda layout: None
+    """Draws the operators or settings that help."""
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw a line for each notice, below the button that opens their details; nothing without a notice."""
+    found = tuple(notices(context))
+    if not found:
         return
-    if missing := parts.missing(context.scene):
-        box = layout.box()
-        text = (
-            "The clip's camera was deleted"
-            if missing == ["camera"]
-            else "The objects of this solve were deleted"
+    column = layout.column(align=True)
+    column.popover(VIRTUAL_APERTURE_PT_details.__name__, text="Details")
+    for each in found:
+        column.label(text=each.short, icon=each.icon)
+
+
+def notices(context: bpy.types.Context) -> Iterator[Notice]:
+    """Yield the notices of a scene, errors first."""
+    settings = context.scene.virtual_aperture
+    yield from _scene(context.scene)
+    # A solve under way mends the others.
+    if running_solve() is not None or version.is_newer(settings):
+        return
+    yield from _clip(settings)
+    if settings.points is None:
+        return
+    yield from _depth(settings)
+    yield from _output(context.scene)
+    if settings.marks.is_first and not Networks().exist:
+        yield Notice("People are not recognised", (sentence(MISSING),))
+    if settings.advice:
+        yield Notice("Advice for a better solve", (sentence(settings.advice),))
+    if frame_notes.of(context.scene):
+        yield Notice(
+            "Notes on the last render", (), draw_way_out=lambda layout: report_list.draw(layout, context)
         )
-        wrapped(box, context, text, icon="ERROR")
-        box.operator(VIRTUAL_APERTURE_OT_restore_objects.bl_idname, icon="LOOP_BACK")
 
 
-def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Another clip than the solved one is chosen, or it is not where the path leads: and the way out.
-
-    Nothing while a clip is being solved, which is the way out.
-    """
-    if running_solve() is not None:
+def _scene(scene: bpy.types.Scene) -> Iterator[Notice]:
+    """The scene cannot be changed, or lacks objects."""
+    try:
+        check_may_change(scene)
+    except UserError as error:
+        yield Notice("The scene cannot be changed", (sentence(str(error)),), "ERROR")
         return
-    trouble = trouble_with(context.scene.virtual_aperture)
+    if missing := parts.missing(scene):
+        is_camera = missing == ["camera"]
+        text = "The clip's camera was deleted" if is_camera else "The objects of this solve were deleted"
+        restore = VIRTUAL_APERTURE_OT_restore_objects.bl_idname
+        yield Notice(
+            "The camera was deleted" if is_camera else "Objects were deleted", (text,), "ERROR",
+            lambda layout: layout.operator(restore, icon="LOOP_BACK"),
+        )  # fmt: skip
+
+
+def _clip(settings: bpy.types.PropertyGroup) -> Iterator[Notice]:
+    """Another clip than the solved one is chosen, or it is not where the path leads."""
+    trouble = trouble_with(settings)
     if trouble is None:
         return
-    box = layout.box()
-    wrapped(box, context, sentence(trouble.text), icon="ERROR")
-    if not trouble.is_missing:
-        box.operator(VIRTUAL_APERTURE_OT_solve.bl_idname, text="Solve This Clip", icon="TRACKER")
+
+    def draw_way_out(layout: bpy.types.UILayout) -> None:
+        if not trouble.is_missing:
+            layout.operator(VIRTUAL_APERTURE_OT_solve.bl_idname, text="Solve This Clip", icon="TRACKER")
+            return
+        row = layout.row(align=True)
+        find = VIRTUAL_APERTURE_OT_find_clip.bl_idname
+        if trouble.found is not None:
+            here = row.operator(find, text="Use New Location", icon="CHECKMARK")
+            here.filepath = str(trouble.found)
+        row.operator(find, icon="FILE_FOLDER").filepath = ""
+
+    missing = "The clip was moved" if trouble.found is not None else "The clip is missing"
+    short = missing if trouble.is_missing else "The solve is of another clip"
+    yield Notice(short, (sentence(trouble.text),), "ERROR", draw_way_out)
+
+
+def _depth(settings: bpy.types.PropertyGroup) -> Iterator[Notice]:
+    """Depth was not found, or is not sure."""
+    found = depth_ahead.of(settings)
+    if found is None:
         return
-    row = box.row(align=True)
-    if trouble.found is not None:
-        here = row.operator(
-            VIRTUAL_APERTURE_OT_find_clip.bl_idname, text="Use New Location", icon="CHECKMARK"
-        )
-        here.filepath = str(trouble.found)
-    row.operator(VIRTUAL_APERTURE_OT_find_clip.bl_idname, icon="FILE_FOLDER").filepath = ""
+    if found.problem:
+        yield Notice("Depth was not found", (f"Depth was not found: {found.problem}",), "ERROR")
+    elif found.warnings and not len(settings.subjects.items):
+        pick = VIRTUAL_APERTURE_OT_pick_subject.bl_idname
+        yield Notice(
+            "Depth is uncertain", (sentence(found.warnings[-1]),), "QUESTION",
+            lambda layout: layout.operator(pick, icon="BRUSH_DATA"),
+        )  # fmt: skip
+
+
+def _output(scene: bpy.types.Scene) -> Iterator[Notice]:
+    """Renders have another shape than the clip's, are of another engine, or ignore settings."""
+    if problem := render_clip.output_problem(scene):
+        use = render_clip.VIRTUAL_APERTURE_OT_use_clip_size.bl_idname
+        yield Notice(
+            "The output has another shape", (sentence(problem),), "ERROR",
+            lambda layout: layout.operator(use, icon="FULLSCREEN_ENTER"),
+        )  # fmt: skip
+    if scene.render.engine != VirtualApertureEngine.bl_idname:
+        yield Notice(
+            "F12 renders without this lens", ("F12 renders with another engine, without this lens",),
+            draw_way_out=lambda layout: layout.prop(scene.render, "engine", text=""),
+        )  # fmt: skip
+    if lines := ignored(scene):
+        yield Notice(f"Renders ignore {counted(len(lines), 'setting')}", lines)
 
 
 def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -70,41 +156,21 @@ def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
             wrapped(box, context, sentence(line), icon="INFO")
 
 
-def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw a warning that depth was not found, or is not sure, with the way out."""
-    settings = context.scene.virtual_aperture
-    found = depth_ahead.of(settings)
-    if found is None:
-        return
-    if found.problem:
-        wrapped(layout.box(), context, f"Depth was not found: {found.problem}", icon="ERROR")
-    elif found.warnings and not len(settings.subjects.items):
-        box = layout.box()
-        wrapped(box, context, sentence(found.warnings[-1]), icon="QUESTION")
-        box.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, icon="BRUSH_DATA")
+class VIRTUAL_APERTURE_PT_details(bpy.types.Panel):  # noqa: N801
+    """The warnings in full, each with the way out"""
+
+    # As Blender's own popovers: drawn where a button asks for it alone.
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "HEADER"
+    bl_label = "Details"
+    bl_ui_units_x = WIDE
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for each in notices(context):
+            box = self.layout.box()
+            for line in each.lines:
+                wrapped(box, context, line, icon=each.icon, units=WIDE)
+            each.draw_way_out(box)
 
 
-def draw_shape(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Report an output size of another shape than the clip's, with the way out."""
-    problem = render_clip.output_problem(context.scene)
-    if problem:
-        box = layout.box()
-        wrapped(box, context, sentence(problem), icon="ERROR")
-        box.operator(render_clip.VIRTUAL_APERTURE_OT_use_clip_size.bl_idname, icon="FULLSCREEN_ENTER")
-
-
-def draw_engine(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Report that F12 renders with another engine, with the way out."""
-    render = context.scene.render
-    if render.engine != VirtualApertureEngine.bl_idname:
-        box = layout.box()
-        wrapped(box, context, "F12 renders with another engine, without this lens", icon="INFO")
-        box.prop(render, "engine", text="")
-
-
-def draw_ignored(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the settings of the scene that renders ignore."""
-    if lines := ignored(context.scene):
-        box = layout.box()
-        for line in lines:
-            wrapped(box, context, line, icon="INFO")
+CLASSES = (VIRTUAL_APERTURE_PT_details,)
