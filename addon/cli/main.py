@@ -18,7 +18,7 @@ from ..core.base.atomic import collect_temporary, temporary_folder
 from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError, Words
 from ..core.base.job import Job
-from ..core.base.messages import Failure, Result, Warned, send
+from ..core.base.messages import Failure, Progress, Result, Warned, send
 from ..core.base.streams import say, say_to
 from ..core.media.clip import Footage, FrameRange
 from ..core.sfm.state import STATE
@@ -168,6 +168,7 @@ def _frames(options: argparse.Namespace, footage: Footage) -> FrameRange | None:
 
 def _render(solved: Solve | None, options: argparse.Namespace) -> None:
     """Render the solve with the lens of the options, or else the .blend."""
+    send(Progress("Opening the clip", 0, 0))
     if solved is None:
         scene, settings, footage = open_blend(options.work, options.scene, options.scripts, options.as_is)
     else:
@@ -241,12 +242,19 @@ def _draw(scene: bpy.types.Scene, frames: list[int], options: argparse.Namespace
         run_report = RunReport(
             options.report.absolute() if options.report else None, run_key(scene), options.overwrite
         )
-        with silent as descriptor, engine.watched(run_report.on_frame):
+        waits = True
 
-            def report(text: str) -> None:
-                say_to(descriptor, text)
-                _check_interrupted()
+        def report(text: str) -> None:
+            nonlocal waits
+            waits = False
+            say_to(descriptor, text)
+            _check_interrupted()
 
+        def on_progress(stage: str, share: float) -> None:
+            if waits:
+                send(Progress(f"First frame: {stage.lower()} {100 * share:.0f}%", 0, len(frames)))
+
+        with silent as descriptor, engine.watched(run_report.on_frame, on_progress):
             draw = None if count == 1 else _side_by_side(scene, options, count, run_report, report)
             if out.suffix.lower() in movie_file.MOVIES:
                 output.render_movie(scene, frames, out, report, draw)

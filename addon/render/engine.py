@@ -16,7 +16,7 @@ import numpy as np
 from ..core.base import memory
 from ..core.base.arrays import LinearRGBA, Map
 from ..core.base.errors import UserError
-from ..core.base.progress import Cancelled, checkpoint, reporting, stage
+from ..core.base.progress import Cancelled, OnProgress, checkpoint, reporting, stage
 from ..core.frame.frame_path import Drawn
 from ..core.frame.passes import circle_of_confusion, depth, in_focus
 from ..core.frame.warped_frame import WarpedFrame
@@ -53,6 +53,8 @@ class RenderWatch:
 
     on_frame: OnFrame | None = None
     """Called with each frame that is drawn, on the thread that draws."""
+    on_progress: OnProgress | None = None
+    """Called with the stage and the finished share of a frame, every `REDRAW` seconds."""
     error: BaseException | None = None
     """The exception of the last render that failed."""
     pictures: dict[str, LinearRGBA] | None = None
@@ -77,10 +79,10 @@ class RenderWatch:
 
 
 @contextmanager
-def watched(on_frame: OnFrame | None = None) -> Iterator[RenderWatch]:
-    """Watch the renders within; without an `on_frame` the one of an enclosing watch stays."""
+def watched(on_frame: OnFrame | None = None, on_progress: OnProgress | None = None) -> Iterator[RenderWatch]:
+    """Watch the renders within; without `on_frame` and `on_progress` those of an enclosing watch stay."""
     around = VirtualApertureEngine.watch
-    VirtualApertureEngine.watch = RenderWatch(on_frame or around.on_frame)
+    VirtualApertureEngine.watch = RenderWatch(on_frame or around.on_frame, on_progress or around.on_progress)
     try:
         yield VirtualApertureEngine.watch
     finally:
@@ -245,6 +247,8 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         if now - self._shown < REDRAW or threading.get_ident() != self._thread:
             return
         self._shown = now
+        if self.watch.on_progress is not None:
+            self.watch.on_progress(stage_name or "Starting", share)
         self.update_stats("", f"{self._title} | {stage_name or 'Starting'} | {100 * share:.0f}%")
         self.update_progress(share)
 

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.base.messages import Progress
 from addon.core.media.clip import open_footage
 from addon.render.output.output import crop_to_even
 from addon.render.views.frame_size import written_size
@@ -154,6 +155,25 @@ def test_nothing_stays_of_a_movie_that_is_cancelled(
     assert bpy.ops.virtual_aperture.cancel_movie() == {"FINISHED"}
     until(lambda: not made.out.parent.exists())
     assert files(tmp_path) == before and shown().texts == []
+
+
+def test_a_movie_shows_what_it_waits_for_and_can_be_cancelled_then(
+    scene: bpy.types.Scene, clip: Path, tmp_path: Path
+) -> None:
+    before, said = files(tmp_path), list[str]()
+    scene.virtual_aperture.views = SLOW
+    made = movie.begin(scene, movie.movie_path(scene), False)
+    assert shown().texts == ["Starting Blender"]
+
+    def is_drawing() -> bool:
+        said.extend(each.stage for each in made.poll() if isinstance(each, Progress))
+        return bool(said) and said[-1].startswith("First frame: ")
+
+    until(is_drawing)
+    assert said[0] == "Opening the clip" and made.done == 0
+    assert shown().texts == [said[-1]] and shown().operators == ["virtual_aperture.cancel_movie"]
+    assert bpy.ops.virtual_aperture.cancel_movie() == {"FINISHED"}
+    until(lambda: files(tmp_path) == before)
 
 
 @pytest.mark.long

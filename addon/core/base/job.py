@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from . import priority
 from .errors import UserError
 from .messages import PATIENCE, Failure, Message, Progress, Result, Warned, decode
-from .time_left import TimeLeft
+from .time_left import LEAST_SHARE, TimeLeft
 
 REMEMBERED = 20
 """Last lines of standard error that are kept, to explain the end of a process."""
@@ -23,6 +23,9 @@ ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
 """Environment of our processes; the user's variables take precedence. Threads of OpenBLAS and Accelerate wait
 for each other on small matrices. A solve of 87 frames at 368x480 on two idle cores takes 24.3 and 23.8
 instead of 31.9 and 29.6 CPU s (two runs each), and 22.9 and 22.5 instead of 24.2 and 22.6 s of wall time."""
+
+LEAST_STEPS = 3
+"""Equal steps that an estimate of the time left needs, where that is less than `LEAST_SHARE`."""
 
 
 class Job:
@@ -110,13 +113,18 @@ class Job:
         return heard
 
     def _progressed(self, message: Progress) -> None:
+        if not message.done and message.share is None:
+            # The wait for the first step does not measure the pace.
+            self.stage = self.stage if self.done else message.stage
+            return
         self.stage, self.done, self.total = message.stage, message.done, message.total
         self.share = message.done / max(message.total, 1) if message.share is None else message.share
         now = time.monotonic()
         if self._time_left is None:
             # The first report does not measure the pace: an earlier run did that part, or the first frame
             # found depth for its neighbours, too.
-            self._first, self._time_left = self.share, TimeLeft(now)
+            least = LEAST_SHARE if message.share is not None else LEAST_STEPS / max(message.total, 1)
+            self._first, self._time_left = self.share, TimeLeft(now, min(LEAST_SHARE, least))
         self.left = self._time_left.at(now, (self.share - self._first) / max(1 - self._first, 1e-9))
 
     def wait(self, seconds: float) -> None:

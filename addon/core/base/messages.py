@@ -22,7 +22,7 @@ from .errors import Remedy, UserError
 
 @dataclass(frozen=True)
 class Progress:
-    """The progress of a stage."""
+    """The progress of a stage; before its first step, `stage` names the work under way in a few words."""
 
     stage: str
     done: int

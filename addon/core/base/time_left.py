@@ -8,7 +8,7 @@ from collections.abc import Callable
 from .messages import Progress, send
 
 LEAST_SHARE, LEAST_SECONDS = 0.1, 3.0
-"""Share of the work and seconds that an estimate needs."""
+"""Share of the work, by default, and seconds that an estimate needs."""
 AGAIN = 0.01
 """Drop of the share that indicates a retry."""
 CONTRADICTS, SLACK = 2.0, 5.0
@@ -22,7 +22,8 @@ class TimeLeft:
     Parts may be retried: there is no estimate then, and the time of the retry does not count for the pace.
     """
 
-    def __init__(self, now: float) -> None:
+    def __init__(self, now: float, least_share: float = LEAST_SHARE) -> None:
+        self._least_share = least_share
         self._start = self._last = now
         self._highest = 0.0
         self._lost = 0.0
@@ -39,7 +40,7 @@ class TimeLeft:
             return None
         self._highest = max(self._highest, share)
         worked = now - self._start - self._lost
-        if share < LEAST_SHARE or worked < LEAST_SECONDS:
+        if share < self._least_share or worked < LEAST_SECONDS:
             return None
         left = worked * (1 - share) / share
         before, self._said = self._said, (now, left)

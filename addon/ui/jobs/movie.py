@@ -40,7 +40,7 @@ class MovieJob(Job):
         """How far it is, in a few words."""
         if self.stage == JOINING:
             return "Writing the movie"
-        return f"Movie: {self.done} of {self.total} frames" if self.total else "Movie: starting"
+        return f"Movie: {self.done} of {self.total} frames" if self.done else self.stage or "Starting Blender"
 
     @property
     def name(self) -> str:
