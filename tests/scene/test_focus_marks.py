@@ -224,7 +224,7 @@ def test_what_was_in_focus_without_a_mark_begins_a_pull(scene: bpy.types.Scene, 
     settings = scene.virtual_aperture
     lens.set_focus(settings, Focus((3, 9)), 2)
     focus_marks.put(settings, 9, [at(9, 30.0)], add=True)
-    assert [(mark.frame, mark.name) for mark in settings.marks.items] == [(2, "Points"), (9, "Distance")]
+    assert [(mark.frame, mark.name) for mark in settings.marks.items] == [(2, "Point cloud"), (9, "Distance")]
 
 
 def test_a_mark_is_named_by_what_was_picked(scene: bpy.types.Scene, shot: Shot) -> None:
@@ -233,15 +233,16 @@ def test_a_mark_is_named_by_what_was_picked(scene: bpy.types.Scene, shot: Shot) 
     moving = replace(at(3, 6.0), followed={3: 6.0, 4: 7.0}, xy=(0.5, 0.5))
     named = {
         "Place": [clicked],
-        "Points": [vertices],
-        "Point": [replace(points(shot, 3, 4), xy=None)],
-        "Subject": [moving],
+        "Point cloud": [vertices],
+        "Person": [replace(moving, subject="person")],
+        "Dog": [replace(moving, subject="Dog")],
         "Places": [clicked, still],
         "Distance": [at(3, 6.0)],
     }
     for name, places in named.items():
         assert focus_marks.put(scene.virtual_aperture, 3, places).name == name
-    assert focus_marks.put(scene.virtual_aperture, 3, [still]).name == "Place"
+    for place in (still, moving):
+        assert focus_marks.put(scene.virtual_aperture, 3, [place]).name == "Place"
 
 
 def test_unseen_frames_are_told_and_have_keys_of_their_own(scene: bpy.types.Scene, shot: Shot) -> None:

@@ -15,11 +15,12 @@ from addon.core.base.errors import UserError
 from addon.core.depth.depth_store import DepthStore, encoded
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
-from addon.core.frame.first_person import face_of, middle_of, nearest_subject
+from addon.core.frame.first_person import middle_of, nearest_subject
 from addon.core.frame.nearest_person import _weights, nearest_person
 from addon.core.media.clip import open_footage
 from addon.core.subjects.clip_subjects import PEOPLE, ClipSubject, ClipSubjects
 from addon.core.subjects.cut import Cut
+from addon.core.subjects.faces import face_of
 from addon.core.subjects.networks import Detection, Networks
 from addon.core.subjects.people import people
 from addon.core.subjects.pictures import displayed, small
@@ -163,6 +164,26 @@ def test_without_a_face_there_is_none() -> None:
     assert face_of(Networks(), figure(), person) is None
 
 
+class OneFace(Networks):
+    """Finds a face in the left upper corner of each picture."""
+
+    exist = True
+
+    def faces(self, picture: Bytes, least: float) -> list[Detection]:
+        return [Detection(1.0, np.array([2.0, 2.0, 18.0, 18.0]), np.zeros((6, 2)))]
+
+
+def test_a_face_is_a_part_of_a_person() -> None:
+    clip = walls.filmed(walls.still)
+    crowd = Crowd(clip.reconstruction, clip.read)
+    far = crowd.people[list(NAMES).index("far")]
+    subjects = ClipSubjects(clip.reconstruction, clip.read, networks=OneFace())
+    rows, columns = np.nonzero(far.mask(2))
+    for below, is_face in ((10, True), (60, False)):
+        x, y = (columns.min() + 10) / WIDTH, (rows.min() + below) / HEIGHT
+        assert subjects.shows_face(far, 2, x, y) == is_face
+
+
 def test_a_face_is_found_on_a_person(data: Path) -> None:
     """Of two who talk, the one who faces the camera."""
     networks = Networks()
@@ -170,4 +191,5 @@ def test_a_face_is_found_on_a_person(data: Path) -> None:
         pytest.skip("the networks are not in addon/networks: run tools/networks.py")
     stored = open_footage(data / "clips" / "people_two_talk_street_1.mp4").read(37)
     (person,) = people(networks, small(stored))
-    assert face_of(networks, displayed(stored), person.mask) == pytest.approx((0.571, 0.392), abs=0.02)
+    box = face_of(networks, displayed(stored), person.mask)
+    assert box is not None and (box[:2] + box[2:]) / 2 == pytest.approx((0.571, 0.392), abs=0.02)

@@ -124,7 +124,7 @@ STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
     ("solving", solving, "Registered 3 of 12 frames About 40 s left, ESC cancels"),
     ("solved", solved, "Automatic focus"),
     ("in Edit Mode", in_edit_mode, "Select vertices on what should be sharp"),
-    ("in focus", focused, "In focus: Points"),
+    ("in focus", focused, "In focus: Point cloud"),
     ("with a scale", with_scale, "full-frame equivalent"),
     ("with a subject", marked, "Uncertain in 1 frame"),
     ("another output shape", of_another_shape, "size 160x160 has another shape than the clip's 160x90"),

@@ -148,7 +148,7 @@ def test_focus_is_pulled_to_the_person(program: Program, case: Case) -> None:
     idle(program)
     program.shot("pulled")
     assert [frame for frame, _ in program.ask(MARKS)] == [case.frame, case.again]
-    assert program.ask(f"{SETTINGS}.marks.items[1].name") == "Person 1"
+    assert program.ask(f"{SETTINGS}.marks.items[1].name") == "Person"
 
 
 def test_the_pull_is_rendered(program: Program, project: Path, case: Case) -> None:

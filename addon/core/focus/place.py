@@ -49,7 +49,7 @@ class Place:
     xy: tuple[float, float] | None = None
     """Fractions of the picture at which it was picked, (0, 0) top left."""
     subject: str = ""
-    """Name of the subject that it is the whole of."""
+    """Kind of the subject in focus: "person", "face", "object", or the name of a marked subject."""
     marks: MarkedSubject | None = None
     """New subject of the clip that the place is on."""
     is_estimated: bool = False

@@ -301,7 +301,11 @@ class ClipContext:
     def _place_on_subject(self, frame: int, x: float, y: float) -> Place | None:
         """Focus on the whole subject at a position in a frame; None without one."""
         subject = self.subject_at(frame, x, y)
-        return None if subject is None else replace(self._focus_on(subject, frame), xy=(x, y))
+        if subject is None:
+            return None
+        place = replace(self._focus_on(subject, frame), xy=(x, y))
+        is_face = subject.kind == "person" and self._subjects.shows_face(subject, frame, x, y)
+        return replace(place, subject="face") if is_face else place
 
     def subject_place(self, name: str, frame: int) -> Place:
         """Focus on a subject and follow it through the clip; raises UserError like `subject`."""
@@ -310,9 +314,9 @@ class ClipContext:
     def _focus_on(self, subject: ClipSubject, frame: int) -> Place:
         subject.mask(frame)
         source = self.reconstruction, self.depth_source(), subject.mask, frame, subject.name
-        if self.given_depth is not None or self.maps is not None:
-            return subject_place(*source)
-        return subject_place(*source, self._parts.distance(subject).inverse_depth)
+        is_given = self.given_depth is not None or self.maps is not None
+        place = subject_place(*source, *(() if is_given else (self._parts.distance(subject).inverse_depth,)))
+        return replace(place, subject=subject.kind or subject.name)
 
     def _masked(self, frame: int) -> Map | Mask | None:
         return self.masks(frame) if self.masks else None

@@ -16,11 +16,12 @@ from ..depth.depth_store import LONGEST_SIDE, DepthStore, decoded, encoded
 from ..media.picture_file import Pixels
 from .carried import SAME_PERSON, CarriedSubject, PeopleOfClip, Track, neighbours
 from .cut import Cut
+from .faces import face_of
 from .gate import moving_tracks
 from .networks import Networks
 from .objects import ObjectsOfClip
 from .people import overlap_of, sampled
-from .pictures import ClipPictures
+from .pictures import ClipPictures, displayed
 from .strokes import MarkedSubject, Stroke
 
 PEOPLE = "moving-people"
@@ -43,6 +44,8 @@ class ClipSubject:
     """The subject in a frame, carried there."""
     store: DepthStore | None = None
     """Storage of its mattes."""
+    kind: str = ""
+    """"person" or "object"; empty of marked subjects, which users name."""
 
     def share(self, frame: int) -> Bytes:
         """Return its probability (h, w) in 255ths over a source frame."""
@@ -107,6 +110,11 @@ class ClipSubjects:
         neighbours(self.pictures, frame)
         self.networks.load()
 
+    def shows_face(self, person: ClipSubject, frame: int, x: float, y: float) -> bool:
+        """Return whether fractions x, y of a frame's picture are on a person's face."""
+        face = face_of(self.networks, displayed(self.read(frame)), person.mask(frame))
+        return face is not None and bool(face[0] <= x <= face[2] and face[1] <= y <= face[3])
+
     def marked(self, marked: MarkedSubject) -> ClipSubject:
         """Return a marked subject in all frames."""
         return ClipSubject(marked.name, marked.key, self.carried(marked).cut, self.store)
@@ -129,7 +137,7 @@ class ClipSubjects:
             tracks = PeopleOfClip(self.pictures, self.networks).tracks
             self._keep_people(tracks)
         return [
-            ClipSubject(f"person {number}", f"person{number}", track.cut, self.store)
+            ClipSubject(f"person {number}", f"person{number}", track.cut, self.store, "person")
             for number, track in enumerate(tracks, 1)
         ]
 
@@ -174,7 +182,7 @@ class ClipSubjects:
         else:
             found = [self._object(strokes) for strokes in kept]
         return [
-            ClipSubject(f"object {number}", f"object{number}", each.cut, self.store)
+            ClipSubject(f"object {number}", f"object{number}", each.cut, self.store, "object")
             for number, each in enumerate(found, 1)
         ]
 

@@ -73,11 +73,8 @@ def _name_of(places: Sequence[Place]) -> str:
     if len(places) > 1:
         return "Places"
     (place,) = places
-    if place.followed:
-        name = place.subject or "subject"
-        return f"{name[0].upper()}{name[1:]}"
-    if place.xy is not None or place.world is not None:
+    if place.subject:
+        return f"{place.subject[0].upper()}{place.subject[1:]}"
+    if place.xy is not None or place.world is not None or place.followed:
         return "Place"
-    if place.focus.points:
-        return "Point" if len(place.focus.points) == 1 else "Points"
-    return "Distance"
+    return "Point cloud" if place.focus.points else "Distance"
