@@ -112,6 +112,20 @@ def test_shift_adds_ctrl_removes_enter_confirms(program: Program) -> None:
     program.wait(f"{POINTS} == {both[4:]}")
 
 
+def test_ctrl_z_takes_the_last_place_back_and_nothing_else(program: Program) -> None:
+    before, marks = program.ask(POINTS), program.ask(MARKS)
+    begin(program)
+    program.screen.click(*over(program, GLOBE), held="shift")
+    program.settle()
+    for _ in range(2):
+        program.screen.key("ctrl+z")
+        program.settle()
+    assert program.ask(PICKING) and program.ask(MARKS) == marks
+    program.screen.key("Return")
+    ended(program)
+    assert program.ask(POINTS) == before
+
+
 def test_a_second_mark_pulls(program: Program) -> None:
     program.ask("bpy.context.scene.frame_set(25)")
     program.settle()

@@ -14,7 +14,7 @@ from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
 from ...scene.lens import repairs
 from ...scene.sources.shot import reconstruction_of
-from ..base.operators import Result, is_met, may_change, reported, sentence
+from ..base.operators import Result, is_met, may_change, reported
 from .pick_in_view import PicksInView
 from .pick_view import Overlay
 
@@ -45,7 +45,7 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
         options={"SKIP_SAVE"},
     )
 
-    cursor = "PAINT_BRUSH"
+    doing, cursor = "Paint", "PAINT_BRUSH"
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -86,6 +86,11 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
         self._reference: tuple[float, float] | None = None
         self._tell()
 
+    def take_back(self) -> None:
+        if not self._is_drawing:
+            self._reference, self._overlay.picked = None, []
+            self._tell()
+
     def _tell(self) -> None:
         """Show what the next press of the mouse does."""
         brush = self._scene.virtual_aperture.repairs
@@ -118,12 +123,9 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
         return {"PASS_THROUGH"}
 
     def _press(self, event: bpy.types.Event) -> None:
-        at, frame = self._view.place(self._scene, event), clip_frame(self._scene)
-        if not self._view.is_through_camera() or at is None:
-            self._say("Paint in the camera view (Numpad 0 looks through the camera)")
-        elif frame not in self._context.reconstruction.frames:
-            self._say(sentence(unsolved(self._context.reconstruction, frame)))
-        elif self._scene.virtual_aperture.repairs.kind == "SAME" and self._reference is None:
+        if (at := self._pressed_at(event)) is None:
+            return
+        if self._scene.virtual_aperture.repairs.kind == "SAME" and self._reference is None:
             self._reference, self._overlay.picked = at, [at]
             self._tell()
         else:

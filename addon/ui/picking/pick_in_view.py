@@ -7,12 +7,14 @@ from typing import Any
 import bpy
 
 from ...core.base.errors import UserError
+from ...core.focus.picking import unsolved
 from ...core.frame.clip_context import ClipContext
 from ...scene.base.remedy_words import WORDS
+from ...scene.base.timeline import clip_frame
 from ...scene.sources.shot import shot_of
-from ..base.operators import Result, has_solve, is_met, may_change, reported
+from ..base.operators import Result, has_solve, is_met, may_change, reported, sentence
 from ..base.work import Work
-from .pick_view import CameraView, Overlay
+from .pick_view import XY, CameraView, Overlay
 
 
 class PicksInView:
@@ -20,6 +22,8 @@ class PicksInView:
 
     hint = ""
     """The mouse and the keys, for the header of the view."""
+    doing = "Click"
+    """Verb for the mouse in the camera view."""
     cursor = "EYEDROPPER"
     _running = False
     """Class attribute of the mixin: only one works at a time."""
@@ -41,6 +45,10 @@ class PicksInView:
 
     def on_event(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         """Handle the mouse and the keys; a UserError ends the operator."""
+        raise NotImplementedError
+
+    def take_back(self) -> None:
+        """Undo the last step of the operator, if it has one."""
         raise NotImplementedError
 
     @classmethod
@@ -70,6 +78,11 @@ class PicksInView:
 
     def modal(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         try:
+            if event.type == "Z" and (event.ctrl or event.oskey):
+                # An undo of Blender's own would pull the scene from under the operator.
+                if event.value == "PRESS" and not event.shift:
+                    self.take_back()
+                return {"RUNNING_MODAL"}
             result: Result = self.on_event(context, event)
             return result
         except UserError as error:
@@ -90,6 +103,17 @@ class PicksInView:
         shown = (text, self.hint if keys is None else keys)
         self._view.area.header_text_set("    ".join(filter(None, shown)))
         self._view.area.tag_redraw()
+
+    def _pressed_at(self, event: bpy.types.Event) -> XY | None:
+        """Place of the picture under the mouse; None, with the reason in the header, if it cannot be used."""
+        at, frame = self._view.place(self._scene, event), clip_frame(self._scene)
+        if not self._view.is_through_camera() or at is None:
+            self._say(f"{self.doing} in the camera view (Numpad 0 looks through the camera)")
+            return None
+        if frame not in self._context.reconstruction.frames:
+            self._say(sentence(unsolved(self._context.reconstruction, frame)))
+            return None
+        return at
 
     def _hover(self, event: bpy.types.Event) -> None:
         """Show the mouse over the picture; beside the view there is none."""

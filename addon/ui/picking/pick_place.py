@@ -10,7 +10,6 @@ import bpy
 
 from ...core.base.arrays import Mask
 from ...core.base.errors import UserError
-from ...core.focus.picking import unsolved
 from ...core.focus.place import Glance, Place, PlaceFinder, shown_at
 from ...scene.base.remedy_words import WORDS
 from ...scene.base.timeline import clip_frame
@@ -40,6 +39,8 @@ class PicksPlaces(PicksInView):
     _finder: PlaceFinder | None = None
     _places: list[Place]
     """The picks."""
+    _steps: list[list[Place]]
+    """The picks before each change."""
 
     def took(self, context: bpy.types.Context, place: Place, shift: bool) -> Result:
         """Return a place was picked."""
@@ -58,7 +59,7 @@ class PicksPlaces(PicksInView):
         return Overlay(self._view, self._scene, joins=self.joins)
 
     def begun(self, context: bpy.types.Context) -> None:
-        self._places = self.picked()
+        self._places, self._steps = self.picked(), []
         self._show_picked()
         self._say("")
 
@@ -85,6 +86,11 @@ class PicksPlaces(PicksInView):
             return self._click(context, event)
         # The view may be moved, and another frame shown.
         return {"PASS_THROUGH"}
+
+    def take_back(self) -> None:
+        if self._work is None and self._steps:
+            self._places = self._steps.pop()
+            self._show_picked()
 
     def _look(self, event: bpy.types.Event) -> None:
         """Show the place under the mouse beside it."""
@@ -113,17 +119,13 @@ class PicksPlaces(PicksInView):
         return self._finder
 
     def _click(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        at = self._view.place(self._scene, event)
-        if not self._view.is_through_camera() or at is None:
-            self._say("Click in the camera view (Numpad 0 looks through the camera)")
+        if (at := self._pressed_at(event)) is None:
             return {"RUNNING_MODAL"}
         if event.ctrl:
             self._remove(at)
             return {"RUNNING_MODAL"}
         finder = self._current_finder()
-        if finder is None:
-            self._say(sentence(unsolved(self._context.reconstruction, clip_frame(self._scene))))
-            return {"RUNNING_MODAL"}
+        assert finder is not None  # The frame is solved.
         self._overlay.mouse = at
         self._seen = []
         self._work, self._shifted = Work(self.search(finder, at)), event.shift
@@ -159,7 +161,8 @@ class PicksPlaces(PicksInView):
 
     def _keep(self, place: Place) -> Result:
         """Add a place to those that are picked, and go on."""
-        self._places.append(place)
+        self._steps.append(self._places)
+        self._places = [*self._places, place]
         self._show_picked()
         self._say("")
         return {"RUNNING_MODAL"}
@@ -174,7 +177,9 @@ class PicksPlaces(PicksInView):
         if not away or min(away)[0] > CLOSE * scale:
             self._say("There is no picked place here")
             return
-        del self._places[min(away)[1]]
+        nearest = min(away)[1]
+        self._steps.append(self._places)
+        self._places = [*self._places[:nearest], *self._places[nearest + 1 :]]
         self._show_picked()
         self._say("")
 

@@ -16,7 +16,7 @@ from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
 from ...scene.sources import subjects
 from ...scene.sources.shot import reconstruction_of
-from ..base.operators import Result, reported, sentence
+from ..base.operators import Result, reported
 from ..base.work import LOOK, Work
 from .pick_in_view import PicksInView
 from .pick_view import Overlay
@@ -99,7 +99,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         "Drag: Mark    Shift Drag: Extend    Ctrl Drag: Take Away    Enter, Right Click: Confirm"
         "    ESC: Undo Last Stroke"
     )
-    cursor = "PAINT_BRUSH"
+    doing, cursor = "Draw", "PAINT_BRUSH"
     _lit: LitUp | Shown | None = None
 
     @reported
@@ -151,10 +151,11 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         elif self._is_drawing:
             return self._draw(event)
         elif event.type == "ESC" and is_press:
-            return self._take_back(context)
-        elif event.type == "Z" and event.ctrl:
-            # An undo of Blender's own would pull the scene from under the strokes.
-            return {"RUNNING_MODAL"} if not is_press or event.shift else self._take_back(context, ends=False)
+            if len(self._steps) == 1:
+                self._end(context)
+                return {"CANCELLED"}
+            self.take_back()
+            return {"RUNNING_MODAL"}
         elif event.type in {"RET", "NUMPAD_ENTER", "RIGHTMOUSE"} and is_press:
             return self._confirm(context)
         elif event.type == "LEFTMOUSE" and is_press and self._view.holds(event):
@@ -166,13 +167,9 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         return {"PASS_THROUGH"}
 
     def _press(self, event: bpy.types.Event) -> None:
-        at = self._view.place(self._scene, event)
-        frame = clip_frame(self._scene)
-        if not self._view.is_through_camera() or at is None:
-            self._say("Draw in the camera view (Numpad 0 looks through the camera)")
-        elif frame not in self._context.reconstruction.frames:
-            self._say(sentence(unsolved(self._context.reconstruction, frame)))
-        elif event.ctrl and not self._shown.masks and not any(stroke.adds for stroke in self._steps[-1]):
+        if (at := self._pressed_at(event)) is None:
+            return
+        if event.ctrl and not self._shown.masks and not any(stroke.adds for stroke in self._steps[-1]):
             self._say(NOTHING)
         else:
             self._is_drawing, self._extends = True, event.shift
@@ -201,15 +198,10 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         self._view.area.tag_redraw()
         return {"RUNNING_MODAL"}
 
-    def _take_back(self, context: bpy.types.Context, ends: bool = True) -> Result:
-        """Forget the last stroke; without any, `ends` leaves all as it was."""
-        if len(self._steps) > 1:
+    def take_back(self) -> None:
+        if len(self._steps) > 1 and not self._is_drawing:
             self._steps.pop()
             self._light_up()
-        elif ends:
-            self._end(context)
-            return {"CANCELLED"}
-        return {"RUNNING_MODAL"}
 
     def _light_up(self) -> None:
         """Find the subject in the frame that is shown now."""
