@@ -37,7 +37,7 @@ from ..core.sfm.workspace import Solve
 from ..scene.base.timeline import go_to
 from ..scene.build import build
 from ..scene.focus import focus_marks
-from ..scene.focus.clicks import place_at
+from ..scene.focus.clicks import place_at, places
 from ..scene.lens import aperture_cloud
 from ..scene.lens.lens import frame_options, set_aperture, set_focus
 from ..scene.lens.repairs import add_repairs
@@ -105,7 +105,9 @@ def set_lens(
     reconstruction = solved.reconstruction
     _set_depth_maps(settings, solved, options)
     set_moving(settings, solved, options, frames)
-    focus, frame, places = _chosen_focus(settings, reconstruction, options, frames)
+    # The focus is picked on the repaired depth.
+    _set_repairs(settings, reconstruction, options.repair)
+    focus, frame, picked = _chosen_focus(settings, reconstruction, options, frames)
     focus = replace(focus, tilt=math.radians(options.tilt), swing=math.radians(options.swing))
     method = options.method or settings.method
     fewest = MESHERS[method].fewest_focus_points
@@ -118,15 +120,14 @@ def set_lens(
     if radius is None:
         radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
     set_focus(settings, focus, frame)
-    if places:
-        focus_marks.replace_all(settings, map(FocusMark.of, places))
+    if picked:
+        focus_marks.replace_all(settings, map(FocusMark.of, picked))
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
     set_aperture(settings, radius, blur)
     for name in FRAME_OPTIONS:
         if (value := getattr(options, name)) is not None:
             setattr(settings, name, value)
     set_shape(settings, options.aperture)
-    _set_repairs(settings, reconstruction, options.repair)
     aperture_cloud.update(settings)
 
 
@@ -152,7 +153,8 @@ def _chosen_focus(
     found = []
     first = _registered(reconstruction, frames)
     for x, y, frame in map(place_of, options.focus_at or ()):
-        finder = shot_of(settings.id_data).context.places(first if frame is None else frame)
+        clip = shot_of(settings.id_data).context
+        finder = places(settings, clip, first if frame is None else frame)
         found.append(place_at(settings.id_data, finder, x, y)())
         if marked := mark_new(settings, found[-1:]):
             say(f"{marked} and in focus")

@@ -106,6 +106,24 @@ def test_a_repair_is_in_the_picture_its_key_and_the_file(
     assert kept == after.repairs and len(kept) == 1
 
 
+@pytest.mark.parametrize("frame", [2, 3], ids=["painted", "carried"])
+def test_a_click_focuses_on_the_repaired_depth(
+    scene: bpy.types.Scene, settings: bpy.types.PropertyGroup, frame: int
+) -> None:
+    for x in (0.5, 0.1):
+        scene.frame_set(frame)
+        assert OPERATORS.pick_focus(x=x, y=0.5) == {"FINISHED"}
+        before = settings.focus_distance
+        scene.frame_set(2)
+        settings.repairs.kind, settings.repairs.amount = "NEARER", 1.0
+        OPERATORS.paint_repair(places="0.5,0.5")
+        scene.frame_set(frame)
+        assert OPERATORS.pick_focus(x=x, y=0.5) == {"FINISHED"}
+        nearer = 2.0 if x == 0.5 else 1.0
+        assert settings.focus_distance == pytest.approx(before / nearer, rel=0.02)
+        OPERATORS.remove_repair()
+
+
 @pytest.mark.parametrize("is_ordered", [True, False], ids=["clip", "photos"])
 def test_a_repair_is_carried_through_a_clip_but_not_to_other_photos(tmp_path: Path, is_ordered: bool) -> None:
     shot = slanted_shot(tmp_path / "clip", LENS)

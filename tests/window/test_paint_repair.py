@@ -116,6 +116,45 @@ def test_same_as_here_asks_for_the_place_first(program: Program) -> None:
     assert program.ask(REPAIRS)[0][::3] == ["SAME", True]
 
 
+def picked(program: Program, place: tuple[float, float]) -> float:
+    """Distance of the focus after a click."""
+    program.ask(START.replace("paint_repair", "pick_focus"))
+    program.wait(PICKING)
+    program.settle()
+    program.screen.click(*over(program, place))
+    program.wait(f"not ({PICKING})", FINAL)
+    ((_, away),) = program.ask(MARKS)
+    return float(away)
+
+
+def test_a_click_focuses_on_the_repaired_depth(program: Program) -> None:
+    wall = picked(program, WALL)
+    assert picked(program, GLOBE) == pytest.approx(wall, rel=0.1)
+    program.shot("focus_on_the_repair")
+
+
+def test_ctrl_z_while_painting_takes_the_reference_back_and_nothing_else(program: Program) -> None:
+    before = program.ask(REPAIRS)
+    program.ask(f"{SETTINGS}.repairs.radius = 0.25; bpy.ops.ed.undo_push(message='radius'); None")
+    program.ask(START)
+    program.wait(PAINTING)
+    program.settle()
+    program.screen.click(*over(program, WALL))
+    program.settle()
+    for _ in range(2):
+        program.screen.key("ctrl+z")
+        program.settle()
+    # The reference is asked for again: the next stroke paints nothing.
+    x, y = GLOBE
+    program.screen.drag(*(over(program, (x + across, y)) for across in (-0.02, 0.02)))
+    program.settle()
+    program.shot("reference_again")
+    assert program.ask(PAINTING) and program.ask(REPAIRS) == before
+    assert program.ask(f"{SETTINGS}.repairs.radius") == 0.25
+    program.screen.key("Escape")
+    program.wait(f"not ({PAINTING})")
+
+
 def test_escape_leaves_all_as_it_was(program: Program) -> None:
     before = program.ask(REPAIRS)
     program.ask(START)

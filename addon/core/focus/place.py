@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -96,6 +97,7 @@ class PlaceFinder:
         read: Callable[[int], Pixels],
         frame: int,
         subject_at: Callable[[float, float], Place | None] = lambda x, y: None,
+        is_repaired: Callable[[float, float], bool] = lambda x, y: False,
     ) -> None:
         """Prepare for picks in a frame.
 
@@ -105,13 +107,15 @@ class PlaceFinder:
             read: Returns a frame's picture (H, W, 3 or 4), in which moving objects are followed.
             frame: Number of the frame.
             subject_at: Returns the whole subject at fractions of the picture.
+            is_repaired: Returns whether the user has repaired the depth at fractions of the picture, which
+                comes before points and subjects there.
 
         Raises:
             UserError: The frame has no camera.
         """
         self.frame = frame
         self._rec, self._depth, self._read = reconstruction, depth, read
-        self._subject_at = subject_at
+        self._subject_at, self.is_repaired = subject_at, is_repaired
         check_place(self._rec, frame, 0.5, 0.5)
         self._image, _ = self._rec.image_at(frame)
         self._canvas = self._rec.canvas(self._image)
@@ -147,16 +151,18 @@ class PlaceFinder:
             UserError: The frame has neither depth nor points, or the place is outside of the picture.
         """
         check_place(self._rec, self.frame, x, y)
-        if (subject := self._subject_at(x, y)) is not None:
+        is_repaired = self.is_repaired(x, y)
+        if not is_repaired and (subject := self._subject_at(x, y)) is not None:
             return subject
         if self._known is None:
             self._known = self._depth.at(self.frame, self._canvas, NO_PICTURE)
         known = self._known
         pixel = _Pixel(0.0, 0.0, False) if known is None else self._pixel(known, x, y)
-        points, away = self._points(x, y)
+        points, away = (None, math.inf) if is_repaired else self._points(x, y)
         is_on_points = points is not None and (not pixel.is_sure or self._is_on(pixel, points))
         is_unknown = not (is_on_points or pixel.is_known)
-        if (pixel.moves or is_unknown) and (subject := new_subject()) is not None:
+        may_be_new = not is_repaired and (pixel.moves or is_unknown)
+        if may_be_new and (subject := new_subject()) is not None:
             return subject
         if points is not None and is_on_points:
             numbers = ", ".join(map(str, points.points))
@@ -171,7 +177,9 @@ class PlaceFinder:
             return self._followed(x, y, pixel.inverse_depth, origin)
         width = self._canvas.camera.width
         beside = (
-            f"no four points are within {NEAR * width:.0f} px of the place"
+            "repaired"
+            if is_repaired
+            else f"no four points are within {NEAR * width:.0f} px of the place"
             if points is None
             else "the points around it lie on something else"
         )

@@ -50,7 +50,8 @@ def clicked(
     Raises:
         UserError: See `PlaceFinder.find`.
     """
-    if (known := clip.subject_at(finder.frame, x, y)) is not None:
+    known = None if finder.is_repaired(x, y) else clip.subject_at(finder.frame, x, y)
+    if known is not None:
         seen(known.mask(finder.frame))
     return finder.find(x, y, partial(_new_subject, clip, finder.frame, x, y, name, marking, seen))
 

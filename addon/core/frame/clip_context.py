@@ -283,11 +283,15 @@ class ClipContext:
         image, _ = self.reconstruction.image_at(frame)
         return self.reconstruction.canvas(image)
 
-    def places(self, frame: int) -> PlaceFinder:
-        """Return the finder of focus in a registered frame."""
-        return PlaceFinder(
-            self.reconstruction, self.depth_source(), self.read, frame, partial(self._place_on_subject, frame)
-        )
+    def places(
+        self,
+        frame: int,
+        depth: DepthSource | None = None,
+        is_repaired: Callable[[float, float], bool] = lambda x, y: False,
+    ) -> PlaceFinder:
+        """Return the finder of focus in a registered frame, by its own depth or a repaired one."""
+        source, subject_at = depth or self.depth_source(), partial(self._place_on_subject, frame)
+        return PlaceFinder(self.reconstruction, source, self.read, frame, subject_at, is_repaired)
 
     @property
     def may_focus_on_subjects(self) -> bool:

@@ -20,7 +20,7 @@ from .meshers import MESHERS
 from .meshers.layers import can_be_layered
 from .meshers.mesher import FrameGeometry
 from .plan import FrameOptions
-from .repairs import repaired
+from .repaired_depth import with_repairs
 from .steadied import Steadied, steadied
 from .view_error import views_to_error
 from .warped_frame import MeshedFrame, WarpedFrame, drawn_size, frame_geometry, sampled_disc
@@ -175,15 +175,10 @@ def _with_depth(geometry: FrameGeometry) -> tuple[FrameGeometry, str, float]:
         depth = geometry.clip.depth(
             geometry.frame, geometry.canvas, geometry.picture, geometry.settings.quality
         )
-        # Photos do not follow each other.
-        is_clip = geometry.clip.reconstruction.is_ordered
-        repairs = [each for each in geometry.settings.repairs if is_clip or each.frame == geometry.frame]
-        if repairs:
-            carried = geometry.clip.carried_places
-            depth = repaired(
-                depth, repairs, lambda one: carried.region(one, geometry.frame), geometry.canvas,
-                geometry.picture, geometry.lens,
-            )  # fmt: skip
+        depth = with_repairs(
+            geometry.clip, geometry.frame, depth, geometry.settings.repairs, geometry.canvas,
+            geometry.picture, geometry.lens,
+        )  # fmt: skip
     geometry, why = replace(geometry, depth=depth), ""
     if depth.confidence is not None and float(np.mean(depth.confidence > SURE)) < FEWEST_SURE:
         geometry, why = replace(geometry, mesher=MESHERS["grid"]), TOO_UNSURE

@@ -11,9 +11,22 @@ from ...core.base.arrays import Mask
 from ...core.focus.place import Place, PlaceFinder
 from ...core.frame.clicked import clicked
 from ...core.frame.clip_context import ClipContext
+from ...core.frame.repaired_depth import repaired_places
 from ...core.subjects.strokes import MarkedSubject
+from ..lens.lens import focus_of, is_in_focus
+from ..lens.repairs import repairs_of
 from ..sources.shot import Shot, shot_of
 from ..sources.subjects import free_name
+
+
+def places(settings: bpy.types.PropertyGroup, clip: ClipContext, frame: int) -> PlaceFinder:
+    """Return the finder of focus in a registered frame, by depth as the repairs of the settings leave it.
+
+    Raises:
+        UserError: The frame has no camera.
+    """
+    focus = focus_of(settings) if is_in_focus(settings) else None
+    return repaired_places(clip, frame, repairs_of(settings), focus)
 
 
 def place_at(

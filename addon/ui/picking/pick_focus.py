@@ -9,7 +9,7 @@ import bpy
 from ...core.focus.place import Place, PlaceFinder
 from ...scene.base.timeline import clip_frame
 from ...scene.focus import focus_marks
-from ...scene.focus.clicks import place_at
+from ...scene.focus.clicks import place_at, places
 from ...scene.focus.kept_places import places_of
 from ...scene.lens import aperture_cloud
 from ...scene.sources.shot import shot_of
@@ -58,7 +58,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         scene = context.scene
-        finder = shot_of(scene).context.places(clip_frame(scene))
+        finder = places(scene.virtual_aperture, shot_of(scene).context, clip_frame(scene))
         place = place_at(scene, finder, self.x, self.y)()
         self.report({"INFO"}, focus_on(scene.virtual_aperture, clip_frame(scene), [place], self.add))
         return {"FINISHED"}

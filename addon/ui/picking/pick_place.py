@@ -13,6 +13,7 @@ from ...core.base.errors import UserError
 from ...core.focus.place import Glance, Place, PlaceFinder, shown_at
 from ...scene.base.remedy_words import WORDS
 from ...scene.base.timeline import clip_frame
+from ...scene.focus.clicks import places
 from ...scene.lens.depth_of_field import length_words
 from ..base.operators import Result, sentence
 from ..base.work import Work
@@ -55,7 +56,7 @@ class PicksPlaces(PicksInView):
         raise NotImplementedError
 
     def overlay(self) -> Overlay:
-        self._finder = self._context.places(clip_frame(self._scene))
+        self._finder = places(self._scene.virtual_aperture, self._context, clip_frame(self._scene))
         return Overlay(self._view, self._scene, joins=self.joins)
 
     def begun(self, context: bpy.types.Context) -> None:
@@ -113,7 +114,7 @@ class PicksPlaces(PicksInView):
         frame = clip_frame(self._scene)
         if self._finder is None or self._finder.frame != frame:
             try:
-                self._finder = self._context.places(frame)
+                self._finder = places(self._scene.virtual_aperture, self._context, frame)
             except UserError:
                 self._finder = None
         return self._finder

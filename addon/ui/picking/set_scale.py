@@ -11,6 +11,7 @@ from ...core.base.errors import UserError
 from ...core.focus.place import Place
 from ...core.frame.clip_context import ClipContext
 from ...scene.base.timeline import clip_frame
+from ...scene.focus.clicks import places
 from ...scene.lens import depth_of_field
 from ...scene.sources.shot import shot_of
 from ..base.operators import Result, reported, sentence
@@ -72,8 +73,9 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
         settings = context.scene.virtual_aperture
         length = self.length
         if not length:
-            clip, frame = shot_of(context.scene).context, clip_frame(context.scene)
-            length = length_between(clip, [clip.places(frame).find(*xy) for xy in (self.start, self.end)])
+            clip = shot_of(context.scene).context
+            finder = places(settings, clip, clip_frame(context.scene))
+            length = length_between(clip, [finder.find(*xy) for xy in (self.start, self.end)])
         settings.metres_per_unit = self.metres / length
         self.report({"INFO"}, f"The scale is set: {self.metres:.4g} m between the two places")
         return {"FINISHED"}
