@@ -301,9 +301,13 @@ class Program:
         return written
 
     def tell_time(self, seconds: float, what: str) -> None:
-        """Print, and keep beside the pictures, how long something took: the machine's other work is in it, so
-        it is told and not judged."""
-        said = f"{what}: {seconds:.2f} s, load {os.getloadavg()[0]:.1f}"
+        """Tell how long something took."""
+        self.tell(f"{what}: {seconds:.2f} s")
+
+    def tell(self, text: str) -> None:
+        """Print a measurement, and keep it beside the pictures: the machine's other work is in it, so it is
+        told and not judged."""
+        said = f"{text}, load {os.getloadavg()[0]:.1f}"
         print(said)
         with (self.pictures / "times.txt").open("a") as file:
             file.write(f"{said}\n")
