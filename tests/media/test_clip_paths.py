@@ -257,3 +257,18 @@ def test_the_user_shows_where_the_clip_is(scene: bpy.types.Scene, tmp_path: Path
         assert shot_of(scene).footage.path == (moved if chosen == frames else moved / chosen.name)
         assert settings.camera.data.background_images[0].image.filepath == str(moved / "clip_0001.png")
         moved.rename(frames)
+
+
+def test_a_look_at_the_clip_counts_for_a_while_where_that_is_asked_for(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    desk = write_video(tmp_path / "desk.mp4")
+    set_up(scene, desk)
+    shot = shot_of(scene)
+    desk.unlink()
+    assert shot_of(scene, 3600.0) is shot
+    with pytest.raises(UserError, match=r"desk\.mp4 is missing"):
+        shot_of(scene)
+    # The last answer, whichever it was.
+    with pytest.raises(UserError, match=r"desk\.mp4 is missing"):
+        shot_of(scene, 3600.0)

@@ -28,6 +28,7 @@ from ...scene.base import redraw
 from ...scene.base.remedy_words import WORDS
 from ...scene.base.timeline import clip_frame
 from ...scene.lens.lens import frame_options
+from ...scene.sources.clip import WHILE_PLAYED
 from ...scene.sources.shot import picture_size, shot_of
 from ..cg import cg_preview
 from ..views.frame_size import render_size, shape_problem
@@ -249,7 +250,8 @@ def output_in_region(
 def _wanted(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, room: float) -> Wanted:
     """The content of a context's viewport, whose camera frame has a width in pixels; UserError."""
     scene, shows = depsgraph.scene_eval, depsgraph.scene.virtual_aperture
-    shot = shot_of(scene)
+    is_playing = bool(context.screen is not None and context.screen.is_animation_playing)
+    shot = shot_of(scene, WHILE_PLAYED if is_playing else 0.0)
     clip = shot.size(shot.frame_at(clip_frame(scene)))
     # One of few sizes, so that a little zooming changes nothing.
     smaller = max(1, int(clip[0] / max(ROOM * room, 1)))
@@ -260,7 +262,7 @@ def _wanted(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, room: fl
         (-(-clip[0] // smaller), -(-clip[1] // smaller)),
         "" if shows.viewport_shows == "LENS" else shows.viewport_shows.lower(),
         shows.viewport_wipe > 0,
-        bool(context.screen is not None and context.screen.is_animation_playing),
+        is_playing,
         None if shows.viewport_shows != "LENS" else cg_preview.wanted(depsgraph.scene, context.view_layer),
     )
 

@@ -17,6 +17,9 @@ from ..base.preferences import preferred_work_dir
 
 LOOK_AGAIN = 3.0
 """Seconds until a clip that was not found is looked for again: panels ask with every redraw."""
+WHILE_PLAYED = 1.0
+"""Seconds for which a look at the clip's files counts while frames are played: it lists the pictures of a
+sequence, which takes 20 ms for 500 of them, and a frame of 24 a second has 42."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,7 @@ class Trouble:
     """Path of the solved clip if it was moved."""
 
 
+_looks: dict[tuple[str, str, bool], tuple[float, Trouble | None]] = {}
 _searches: dict[tuple[str, ...], tuple[float, Path | None]] = {}
 
 
@@ -41,14 +45,16 @@ def footage_path(settings: bpy.types.PropertyGroup) -> Path:
     return absolute(settings.footage, settings.id_data)
 
 
-def solved_clip_path(settings: bpy.types.PropertyGroup) -> Path:
+def solved_clip_path(settings: bpy.types.PropertyGroup, within: float = 0.0) -> Path:
     """Return the path of the solved clip: the set one, or one where it was found again.
+
+    `within` as of `trouble_with`.
 
     Raises:
         UserError: Another clip is set, or it is not found.
     """
     path = footage_path(settings)
-    trouble = trouble_with(settings, at_a_glance=False)
+    trouble = trouble_with(settings, at_a_glance=False, within=within)
     if trouble is None:
         return path
     if trouble.found is None:
@@ -62,14 +68,25 @@ def solved_part(settings: bpy.types.PropertyGroup, clip: Footage) -> Footage:
     return open_footage(clip.path, solved.of(clip.frames), info=clip.video, stills=clip.is_stills)
 
 
-def trouble_with(settings: bpy.types.PropertyGroup, at_a_glance: bool = True) -> Trouble | None:
+def trouble_with(
+    settings: bpy.types.PropertyGroup, at_a_glance: bool = True, within: float = 0.0
+) -> Trouble | None:
     """Return the problem with the path of the solved clip; None without one, or without a solve.
 
-    It is fast enough for a panel; without `at_a_glance` all bytes of a large clip are read once.
+    It is fast enough for a panel; without `at_a_glance` all bytes of a large clip are read once. An answer of
+    the last `within` seconds is given again.
     """
     if settings.points is None or not settings.footage:
         return None
-    path, wanted, name = footage_path(settings), settings.clip_identity, settings.clip_name
+    path, now = footage_path(settings), time.monotonic()
+    key = (str(path), settings.clip_identity, at_a_glance)
+    if key not in _looks or now - _looks[key][0] >= within:
+        _looks[key] = now, _trouble(settings, path, at_a_glance)
+    return _looks[key][1]
+
+
+def _trouble(settings: bpy.types.PropertyGroup, path: Path, at_a_glance: bool) -> Trouble | None:
+    wanted, name = settings.clip_identity, settings.clip_name
     if not clip_exists(path):
         found = _found(settings, path, at_a_glance)
         if found is not None:
@@ -124,5 +141,6 @@ def work_dir(settings: bpy.types.PropertyGroup, clip: Path, chosen: str | None =
 
 
 def forget() -> None:
-    """Look for missing clips anew."""
+    """Look for clips anew."""
     _searches.clear()
+    _looks.clear()

@@ -218,12 +218,12 @@ _read: tuple[str, Reconstruction] | None = None
 """The last reconstruction that was read alone, and its identity: every edit of the lens asks for it."""
 
 
-def shot_of(scene: bpy.types.Scene) -> Shot:
-    """Return the scene's shot; UserError naming what is missing."""
+def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
+    """Return the scene's shot; UserError naming what is missing. `within` as of `trouble_with`."""
     global _last
     settings = scene.virtual_aperture
     mesh = points_mesh(settings)
-    path = solved_clip_path(settings)
+    path = solved_clip_path(settings, within)
     depth_path, masks_path = (
         str(absolute(p, scene)) if p else "" for p in (settings.depth_maps, settings.masks)
     )

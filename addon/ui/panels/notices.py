@@ -15,7 +15,7 @@ from ...render.views import frame_notes
 from ...scene import parts
 from ...scene.base import version
 from ...scene.ignored import ignored
-from ...scene.sources.clip import trouble_with
+from ...scene.sources.clip import WHILE_PLAYED, trouble_with
 from ..base.operators import check_may_change, sentence
 from ..base.solving import running_solve
 from ..base.text import wrapped
@@ -61,7 +61,8 @@ def notices(context: bpy.types.Context) -> Iterator[Notice]:
     # A solve under way mends the others.
     if running_solve() is not None or version.is_newer(settings):
         return
-    yield from _clip(settings)
+    is_playing = context.screen is not None and context.screen.is_animation_playing
+    yield from _clip(settings, WHILE_PLAYED if is_playing else 0.0)
     if settings.points is None:
         return
     yield from _depth(settings)
@@ -93,9 +94,9 @@ def _scene(scene: bpy.types.Scene) -> Iterator[Notice]:
         )  # fmt: skip
 
 
-def _clip(settings: bpy.types.PropertyGroup) -> Iterator[Notice]:
+def _clip(settings: bpy.types.PropertyGroup, within: float) -> Iterator[Notice]:
     """Another clip than the solved one is chosen, or it is not where the path leads."""
-    trouble = trouble_with(settings)
+    trouble = trouble_with(settings, within=within)
     if trouble is None:
         return
 
