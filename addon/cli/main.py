@@ -252,7 +252,7 @@ def _draw(scene: bpy.types.Scene, frames: list[int], options: argparse.Namespace
 
         def on_progress(stage: str, share: float) -> None:
             if waits:
-                send(Progress(f"First frame: {stage.lower()} {100 * share:.0f}%", 0, len(frames)))
+                send(Progress(f"{stage} {100 * share:.0f}%, first frame", 0, len(frames)))
 
         with silent as descriptor, engine.watched(run_report.on_frame, on_progress):
             draw = None if count == 1 else _side_by_side(scene, options, count, run_report, report)

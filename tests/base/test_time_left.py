@@ -79,8 +79,8 @@ def test_the_first_frame_tells_nothing_of_the_others(monkeypatch: pytest.MonkeyP
 def test_equal_steps_give_an_estimate_from_the_third_on(monkeypatch: pytest.MonkeyPatch) -> None:
     now, job = [0.0], Job()
     monkeypatch.setattr("addon.core.base.job.time.monotonic", lambda: now[0])
-    job._progressed(Progress("First frame: depth 3%", 0, 300))
-    assert (job.stage, job.done, job.left) == ("First frame: depth 3%", 0, None)
+    job._progressed(Progress("Depth 3%, first frame", 0, 300))
+    assert (job.stage, job.done, job.left) == ("Depth 3%, first frame", 0, None)
     left = []
     for done in (1, 2, 3, 4):
         # The first step, and the wait for it, are not as long as the others.
@@ -89,5 +89,5 @@ def test_equal_steps_give_an_estimate_from_the_third_on(monkeypatch: pytest.Monk
         left.append(job.left)
     assert left == [None, None, None, pytest.approx(2 * 296)]
     # A report of what another frame waits for changes nothing.
-    job._progressed(Progress("First frame: views 9%", 0, 300))
+    job._progressed(Progress("Views 9%, first frame", 0, 300))
     assert (job.stage, job.done, job.total) == ("frames", 4, 300)

@@ -167,7 +167,7 @@ def test_a_movie_shows_what_it_waits_for_and_can_be_cancelled_then(
 
     def is_drawing() -> bool:
         said.extend(each.stage for each in made.poll() if isinstance(each, Progress))
-        return bool(said) and said[-1].startswith("First frame: ")
+        return bool(said) and said[-1].endswith("%, first frame")
 
     until(is_drawing)
     assert said[0] == "Opening the clip" and made.done == 0

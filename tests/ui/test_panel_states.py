@@ -26,7 +26,7 @@ from ..scenes import slanted_shot
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 Settings = bpy.types.PropertyGroup
-LONGEST = 32
+LONGEST = 24
 """Characters of a line that a sidebar shows whole as Blender opens it."""
 
 

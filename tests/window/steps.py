@@ -125,12 +125,13 @@ def open_below(program: Program, does: str) -> None:
 
 
 def open_details(program: Program, above: str) -> tuple[float, float]:
-    """Open the details of the warnings, whose button is the first one below a named one; its place. A
-    popover cannot be asked for by name."""
+    """Open the details of the warnings, whose button is below a named one; its place. A popover cannot be
+    asked for by name."""
     button = program.find(above, "VIEW_3D", "UI")
     before: Any = program.screen.picture()
     _, top, _, height = program.rectangle("VIEW_3D", "UI")
-    for y in range(round(button.y) + 20, top + height, 10):
+    # Past the named button: its tooltip is as large as a popover.
+    for y in range(round(button.y) + 32, top + height, 10):
         program.screen.click(button.x, y)
         program.still()
         now: Any = program.screen.picture()

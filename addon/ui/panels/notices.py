@@ -35,7 +35,7 @@ class Notice:
     """A problem of the scene or the clip."""
 
     short: str
-    """The panel's line: 32 characters at most fit a sidebar as Blender opens it."""
+    """The panel's line: its first 17 characters are seen in a sidebar 200 pixels wide."""
     lines: tuple[str, ...]
     """The whole text, in paragraphs."""
     icon: str = "INFO"
@@ -68,13 +68,11 @@ def notices(context: bpy.types.Context) -> Iterator[Notice]:
     yield from _depth(settings)
     yield from _output(context.scene)
     if settings.marks.is_first and not Networks().exist:
-        yield Notice("People are not recognised", (sentence(MISSING),))
+        yield Notice("No people recognised", (sentence(MISSING),))
     if settings.advice:
-        yield Notice("Advice for a better solve", (sentence(settings.advice),))
+        yield Notice("Advice on the solve", (sentence(settings.advice),))
     if frame_notes.of(context.scene):
-        yield Notice(
-            "Notes on the last render", (), draw_way_out=lambda layout: report_list.draw(layout, context)
-        )
+        yield Notice("Last render: notes", (), draw_way_out=lambda layout: report_list.draw(layout, context))
 
 
 def _scene(scene: bpy.types.Scene) -> Iterator[Notice]:
@@ -82,14 +80,14 @@ def _scene(scene: bpy.types.Scene) -> Iterator[Notice]:
     try:
         check_may_change(scene)
     except UserError as error:
-        yield Notice("The scene cannot be changed", (sentence(str(error)),), "ERROR")
+        yield Notice("Scene cannot be changed", (sentence(str(error)),), "ERROR")
         return
     if missing := parts.missing(scene):
         is_camera = missing == ["camera"]
         text = "The clip's camera was deleted" if is_camera else "The objects of this solve were deleted"
         restore = VIRTUAL_APERTURE_OT_restore_objects.bl_idname
         yield Notice(
-            "The camera was deleted" if is_camera else "Objects were deleted", (text,), "ERROR",
+            "Camera was deleted" if is_camera else "Objects were deleted", (text,), "ERROR",
             lambda layout: layout.operator(restore, icon="LOOP_BACK"),
         )  # fmt: skip
 
@@ -111,8 +109,8 @@ def _clip(settings: bpy.types.PropertyGroup, within: float) -> Iterator[Notice]:
             here.filepath = str(trouble.found)
         row.operator(find, icon="FILE_FOLDER").filepath = ""
 
-    missing = "The clip was moved" if trouble.found is not None else "The clip is missing"
-    short = missing if trouble.is_missing else "The solve is of another clip"
+    missing = "Clip was moved" if trouble.found is not None else "Clip is missing"
+    short = missing if trouble.is_missing else "Solve of another clip"
     yield Notice(short, (sentence(trouble.text),), "ERROR", draw_way_out)
 
 
@@ -122,7 +120,7 @@ def _depth(settings: bpy.types.PropertyGroup) -> Iterator[Notice]:
     if found is None:
         return
     if found.problem:
-        yield Notice("Depth was not found", (f"Depth was not found: {found.problem}",), "ERROR")
+        yield Notice("Depth not found", (f"Depth was not found: {found.problem}",), "ERROR")
     elif found.warnings and not len(settings.subjects.items):
         pick = VIRTUAL_APERTURE_OT_pick_subject.bl_idname
         yield Notice(
@@ -136,16 +134,16 @@ def _output(scene: bpy.types.Scene) -> Iterator[Notice]:
     if problem := render_clip.output_problem(scene):
         use = render_clip.VIRTUAL_APERTURE_OT_use_clip_size.bl_idname
         yield Notice(
-            "The output has another shape", (sentence(problem),), "ERROR",
+            "Output shape differs", (sentence(problem),), "ERROR",
             lambda layout: layout.operator(use, icon="FULLSCREEN_ENTER"),
         )  # fmt: skip
     if scene.render.engine != VirtualApertureEngine.bl_idname:
         yield Notice(
-            "F12 renders without this lens", ("F12 renders with another engine, without this lens",),
+            "F12 without this lens", ("F12 renders with another engine, without this lens",),
             draw_way_out=lambda layout: layout.prop(scene.render, "engine", text=""),
         )  # fmt: skip
     if lines := ignored(scene):
-        yield Notice(f"Renders ignore {counted(len(lines), 'setting')}", lines)
+        yield Notice(f"{counted(len(lines), 'setting')} ignored", lines)
 
 
 def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
