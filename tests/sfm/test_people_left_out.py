@@ -154,8 +154,6 @@ def test_a_clip_that_is_refused_is_solved_without_its_people(tmp_path: Path) -> 
     # The camera walks steadily.
     steps = np.linalg.norm(np.diff([image.centre for image in found.images], axis=0), axis=1)
     assert steps.min() > 0.5 * steps.max()
-    moving = np.load(tmp_path / "solve" / "model" / "moving.npz")
-    assert np.mean(moving["xy"][:, 1] >= TOP) > 0.8
 
 
 def test_a_clip_without_a_solution_is_refused_and_the_people_named(tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Ints
 from ..base.errors import UserError
 from ..base.folder_lock import FolderLock
 from ..base.messages import Failure, Progress, Result, send, speak
@@ -72,8 +71,6 @@ LEFT_OUT = "the people in the clip were left out of the solve"
 ZOOMED = "the clip looks as if its lens zooms; if it does not, set the focal length"
 PATIENCE = 5.0
 """Seconds in which a process that ends has let go of all that it held."""
-MOVING = "moving.npz"
-"""Tracks that no scene that stands still explains: frame, track and xy of every observation."""
 
 
 def main(job_path: str) -> int:
@@ -166,13 +163,6 @@ def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str
     result = found.reconstruction
     (folder / "model").mkdir()
     write_model(folder / "model", result)
-    moving = np.isin(tracks.track, found.moving)
-    # Kept aside: a thing that moves on its own has its tracks here.
-    np.savez_compressed(
-        folder / "model" / MOVING,
-        frame=np.array(tracks.frames)[tracks.frame_index[moving]],
-        track=tracks.track[moving], xy=tracks.xy[moving],
-    )  # fmt: skip
     visible = visible_points(result, footage, progress=_progress)
     keep_visible(folder / "model", {frame: each.points for frame, each in visible.items()})
     return {
@@ -184,7 +174,6 @@ def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str
         "reprojection_error": float(result.points.error.mean()),
         "focal": result.cameras[0].fx,
         "tracker": tracker,
-        "moving_tracks": len(found.moving),
         **found.said,
         "notes": [*footage.notes, *found.said["notes"]],
     }
@@ -195,8 +184,6 @@ class _Found:
     """Cameras and points of a clip, and the report's figures."""
 
     reconstruction: Reconstruction
-    moving: Ints
-    """Numbers of tracks that do not stand still."""
     said: dict[str, Any]
 
 
@@ -224,10 +211,9 @@ def _without_people(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _F
         return None
     # Subjects have distances without parallax, too.
     found = _mapped(job, footage, still, True)
-    people = np.setdiff1d(tracks.track, still.track)
     said = found.said | {"notes": [*found.said["notes"], LEFT_OUT]}
     said["depth_estimated"] = found.said["method"] == STAYS and not job["may_stay"]
-    return replace(found, moving=np.union1d(found.moving, people).astype(np.int32), said=said)
+    return replace(found, said=said)
 
 
 def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, may_stay: bool) -> _Found:
@@ -256,7 +242,7 @@ def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, may_stay: boo
         # A zoom's lens, and that of a camera that stays, are not looked for.
         **({} if mapped.zooms or mapped.method == STAYS else lens.said(mapped.lens, result.cameras[0].fx)),
     }
-    return _Found(result, mapped.moving, said)
+    return _Found(result, said)
 
 
 def _held(job: dict[str, Any], tracks: Tracks, folder: Path) -> _Found:
@@ -269,11 +255,11 @@ def _held(job: dict[str, Any], tracks: Tracks, folder: Path) -> _Found:
             raise
         said["notes"].append(POINTS_TAKEN)
         said["observed"] = False
-        return _Found(upright(read_model(folder / job["cloud"])), np.zeros(0, np.int32), said)
+        return _Found(upright(read_model(folder / job["cloud"])), said)
     said |= {"explained": known.explained, "camera_miss": known.miss}
     said["notes"].append(POINTS_FOUND.format(miss=known.miss * max(tracks.width, tracks.height) / 1000))
     placed = known.reconstruction if job["placed"] else upright(known.reconstruction)
-    return _Found(placed, known.moving, said)
+    return _Found(placed, said)
 
 
 def _metadata_focal(footage: Footage) -> float | None:

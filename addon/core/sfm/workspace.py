@@ -2,7 +2,7 @@
 
 DIR/solve.json   the clip, its frames, the options of the solve, and the report
 DIR/model/       the reconstruction as a COLMAP text model; for our own solves also the untracked visible
-                 points of frames, and the tracks of moving objects
+                 points of frames
 """
 
 from __future__ import annotations

@@ -83,17 +83,13 @@ def empty(tracks: Tracks, focal: float, largest_error: float = LARGEST_ERROR) ->
     )  # fmt: skip
 
 
-def explained(solution: Solution) -> tuple[float, Ints]:
-    """Return the used share of lasting tracks' observations, and the lasting tracks (k,) without a point.
-
-    Lasting tracks are seen by `MIN_VIEWS` registered frames.
-    """
+def explained(solution: Solution) -> float:
+    """Return the used share of the observations of tracks seen by `MIN_VIEWS` registered frames."""
     tracks = solution.tracks
     posed = np.isfinite(solution.translation[tracks.frame_index, 0])
     lasting = np.bincount(tracks.track[posed], minlength=tracks.count) >= MIN_VIEWS
     rows = posed & lasting[tracks.track]
-    without = np.nonzero(lasting & np.isnan(solution.xyz[:, 0]))[0]
-    return float(solution.used[rows].mean()) if rows.any() else 0.0, without.astype(np.int32)
+    return float(solution.used[rows].mean()) if rows.any() else 0.0
 
 
 def score(solution: Solution, keys: list[int]) -> float:

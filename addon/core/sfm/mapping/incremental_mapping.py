@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 import pycolmap
 
-from ...base.arrays import Floats, Ints
+from ...base.arrays import Floats
 from ...base.errors import Remedy, UserError
 from ...camera.reconstruction import Reconstruction, normalise
 from ..adjustment import small_motion, solution
@@ -100,8 +100,6 @@ class Mapped:
     """Median angle in degrees between the outermost rays of a point."""
     explained: float
     """Share of the observations of lasting tracks that agree with a point that stands still."""
-    moving: Ints
-    """Numbers of lasting tracks that do not."""
     zooms: bool
     """Solved with a focal length a frame."""
     depth_evidence: DepthEvidence | None
@@ -145,13 +143,13 @@ def staying(tracks: Tracks, prior: FocalPrior, progress: Progress) -> Mapped:
     focal = prior.focal or START_FOCAL * max(tracks.width, tracks.height)
     known = prior.sigma if prior.focal else START_SIGMA
     found = turned(tracks, focal, known, progress)
-    share, moving = solution.explained(found.solution)
+    share = solution.explained(found.solution)
     reconstruction = solution.collect(found.solution)
     if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
         raise UserError("too little of this clip stands still; choose another range of frames")
     return Mapped(
-        normalise(reconstruction), STAYS, found.focal_sigma, found.focal_from_clip, 0.0, 0.0, share, moving,
-        False, None, None,
+        normalise(reconstruction), STAYS, found.focal_sigma, found.focal_from_clip, 0.0, 0.0, share, False,
+        None, None,
     )  # fmt: skip
 
 
@@ -184,7 +182,7 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progre
         adjust(best)
     solution.drop_bad(best)
     angle = solution.drop_shallow(best)
-    explained, moving = solution.explained(best)
+    explained = solution.explained(best)
     if explained < MIN_EXPLAINED:
         raise UserError(
             f"only {100 * explained:.0f}% of what was tracked fits a scene that stands still: too much"
@@ -197,7 +195,7 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progre
         raise UserError("too few points could be placed in 3D; film with more sideways movement")
     return Mapped(
         normalise(reconstruction if lens is None else lens.recording(reconstruction)), found.method, sigma,
-        found.focal_from_clip, parallax, angle, explained, moving, ratio is not None, depth, weak, lens,
+        found.focal_from_clip, parallax, angle, explained, ratio is not None, depth, weak, lens,
     )  # fmt: skip
 
 
@@ -284,9 +282,8 @@ class _Keyframes:
 
     def _explained(self, made: Solution) -> tuple[float, float]:
         """As `_Found.explained` and `_Found.score`."""
-        share, _ = solution.explained(made)
         posed = float(np.isfinite(made.translation[self.keys, 0]).mean())
-        return share * posed, solution.score(made, self.keys)
+        return solution.explained(made) * posed, solution.score(made, self.keys)
 
     def _is_doubtful(self, found: _Found | None) -> bool:
         """Whether there is little parallax, and no solve, or one whose halves do not agree on depths."""

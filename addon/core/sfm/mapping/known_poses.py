@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...base.arrays import Floats, Ints, Mask
+from ...base.arrays import Floats, Mask
 from ...base.counting import counted
 from ...base.errors import Remedy, UserError
 from ...camera.reconstruction import Image, Points, Reconstruction
@@ -78,8 +78,6 @@ class Known:
     """Pixels of a 1,000-pixel frame by which tracks miss in pairs of frames, median."""
     explained: float
     """Share of the observations of lasting tracks that agree with a point that stands still."""
-    moving: Ints
-    """Numbers of lasting tracks that do not."""
 
 
 def triangulate(
@@ -113,14 +111,14 @@ def triangulate(
         _place(made)
         solution.drop_bad(made)
     solution.drop_shallow(made)
-    explained, moving = solution.explained(made)
+    explained = solution.explained(made)
     found = _collected(cameras, tracks, made)
     if len(found.points) < MIN_POINTS:
         raise NoDepthError(
             f"of {counted(tracks.count, 'tracked feature')} only {len(found.points)} could be placed in 3D"
             " with these cameras: they hardly move, or only turn, so the clip shows no depth"
         )
-    return Known(found, miss, explained, moving)
+    return Known(found, miss, explained)
 
 
 def _of_frames(tracks: Tracks, kept: Mask) -> Tracks:
