@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
@@ -20,6 +21,7 @@ pycolmap.logging.minloglevel = 3
 for _level in pycolmap.logging.Level.__members__.values():
     pycolmap.logging.set_log_destination(_level, "")
 
+DATABASE = "database.db"
 THREADS = 1
 """Number of pycolmap's threads. With more, the order in which pairs are stored and sums are added up is
 whatever thread was faster, and the same clip gives one model today and another tomorrow."""
@@ -71,36 +73,54 @@ def map_keyframes(
         focal: In pixels.
         progress: Called with the stage, done and all steps.
     """
-    keys = len(features)
+    keys, best = len(features), None
     with temporary_folder() as folder:
-        database = folder / "database.db"
-        _write_database(database, tracks, features, focal)
+        camera = new_camera("SIMPLE_PINHOLE", focal, (tracks.width, tracks.height))
+        write_database(folder, [camera], [(1, xy) for _, xy in features], _shared(features))
         progress("Verifying matches", 0, 1)
-        verification = pycolmap.TwoViewGeometryOptions()
-        verification.ransac.max_error = 4.0
-        verification.ransac.random_seed = 0
-        threads = pycolmap.GeometricVerifierOptions()
-        threads.num_threads = THREADS
-        pycolmap.geometric_verification(database, threads, two_view_geometry_options=verification)
-        done = [2]
-
-        def next_image() -> None:
-            done[0] += 1
-            progress("Solving cameras", min(done[0], keys), keys)
-
-        models = {}
+        verify(folder, 4.0)
         for angle in (3.0, 1.5, 0.7):
-            (folder / "model").mkdir(exist_ok=True)
-            progress("Solving cameras", 2, keys)
-            models = pycolmap.incremental_mapping(
-                database, folder, folder / "model", mapper_options(angle), next_image_callback=next_image
-            )
-            if models and max(m.num_reg_images() for m in models.values()) >= 0.8 * keys:
+            best = mapped(folder, mapper_options(angle), "Solving cameras", keys, progress)
+            if best is not None and best.num_reg_images() >= 0.8 * keys:
                 break
-            done[0] = 2
-        # The first model is often a stump: the one with most images and points is taken.
-        best = max(models.values(), key=lambda m: (m.num_reg_images(), m.num_points3D()), default=None)
     return best if best is not None and best.num_reg_images() >= 2 else None
+
+
+def _shared(features: list[tuple[Ints, Floats]]) -> Iterator[tuple[tuple[int, int], Ints]]:
+    """Pairs of keyframes, by index, and the rows (k, 2) of the tracks that both have."""
+    for i, (tracks, _) in enumerate(features):
+        for gap in (*range(1, 11), 16, 32):
+            if i + gap < len(features):
+                both = np.intersect1d(tracks, features[i + gap][0], assume_unique=True, return_indices=True)
+                if len(both[0]) >= 30:
+                    yield (i, i + gap), np.column_stack(both[1:])
+
+
+def verify(folder: Path, largest_error: float) -> None:
+    """Verify the matches of a database within so many pixels of the epipolar line."""
+    options, threads = pycolmap.TwoViewGeometryOptions(), pycolmap.GeometricVerifierOptions()
+    options.ransac.max_error, options.ransac.random_seed = largest_error, 0
+    threads.num_threads = THREADS
+    pycolmap.geometric_verification(folder / DATABASE, threads, two_view_geometry_options=options)
+
+
+def mapped(
+    folder: Path, options: pycolmap.IncrementalPipelineOptions, stage: str, count: int, progress: Progress
+) -> pycolmap.Reconstruction | None:
+    """Map a verified database of `count` images; returns the model with most images and points, or None."""
+    done = [2]
+
+    def next_image() -> None:
+        done[0] += 1
+        progress(stage, min(done[0], count), count)
+
+    progress(stage, 2, count)
+    (folder / "model").mkdir(exist_ok=True)
+    models = pycolmap.incremental_mapping(
+        folder / DATABASE, folder, folder / "model", options, next_image_callback=next_image
+    )
+    # The first model is often a stump.
+    return max(models.values(), key=lambda m: (m.num_reg_images(), m.num_points3D()), default=None)
 
 
 def mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
@@ -133,42 +153,50 @@ def mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
     return options
 
 
-def _write_database(path: Path, tracks: Tracks, features: list[tuple[Ints, Floats]], focal: float) -> None:
-    with pycolmap.Database.open(path) as database, pycolmap.DatabaseTransaction(database):
-        camera = _new_camera(tracks, focal)
-        camera.has_prior_focal_length = True
-        database.write_camera(camera, use_camera_id=True)
-        rig = pycolmap.Rig()
-        rig.rig_id = 1
-        rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, 1))
-        database.write_rig(rig, use_rig_id=True)
-        for number, (_, xy) in enumerate(features, 1):
-            image = pycolmap.Image(name=f"{number:06d}", camera_id=1, image_id=number)
+def write_database(
+    folder: Path,
+    cameras: Sequence[pycolmap.Camera],
+    images: Sequence[tuple[int, Floats]],
+    matches: Iterable[tuple[tuple[int, int], Ints]],
+) -> None:
+    """Write a database for COLMAP.
+
+    Args:
+        folder: Its folder.
+        cameras: Their focal lengths are taken for known: COLMAP frees no other in two views, and a guess is
+            better than none.
+        images: Number of the camera, and places (n, 2) of the features in pixels.
+        matches: Pairs of images, by index, and the rows (k, 2) of the features that both have.
+    """
+    with pycolmap.Database.open(folder / DATABASE) as database, pycolmap.DatabaseTransaction(database):
+        for camera in cameras:
+            camera.has_prior_focal_length = True
+            database.write_camera(camera, use_camera_id=True)
+            rig = pycolmap.Rig()
+            rig.rig_id = camera.camera_id
+            rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera.camera_id))
+            database.write_rig(rig, use_rig_id=True)
+        for number, (camera_id, xy) in enumerate(images, 1):
+            image = pycolmap.Image(name=f"{number:06d}", camera_id=camera_id, image_id=number)
             database.write_image(image, use_image_id=True)
             frame = pycolmap.Frame()
-            frame.frame_id = number
-            frame.rig_id = 1
+            frame.frame_id, frame.rig_id = number, camera_id
             frame.add_data_id(image.data_id)
             database.write_frame(frame, use_frame_id=True)
             database.write_keypoints(number, xy.astype(np.float32))
-        gaps = sorted({*range(1, 11), 16, 32})
-        for i in range(len(features)):
-            for j in (i + gap for gap in gaps if i + gap < len(features)):
-                _, a, b = np.intersect1d(
-                    features[i][0], features[j][0], assume_unique=True, return_indices=True
-                )
-                if len(a) >= 30:
-                    database.write_matches(i + 1, j + 1, np.column_stack([a, b]).astype(np.uint32))
+        for (i, j), rows in matches:
+            database.write_matches(i + 1, j + 1, rows.astype(np.uint32))
 
 
-def _new_camera(tracks: Tracks, focal: float, number: int = 1) -> pycolmap.Camera:
+def new_camera(model: str, focal: float, size: tuple[int, int], number: int = 1) -> pycolmap.Camera:
+    """Return a camera of a model of COLMAP's, with a focal length and a (width, height) in pixels."""
     return pycolmap.Camera.create_from_model_name(
-        number, "SIMPLE_PINHOLE", focal_length=focal, width=tracks.width, height=tracks.height
+        number, model, focal_length=focal, width=size[0], height=size[1]
     )
 
 
 def adjust(solution: Solution) -> None:
-    """Bundle adjustment of all poses and points, intrinsics held."""
+    """Adjust all poses and points with a soft loss; intrinsics are held."""
     tracks = solution.tracks
     share = OBSERVATIONS / max(int(solution.used.sum()), 1)
     chosen = np.random.default_rng(0).random(tracks.count) < share
@@ -179,7 +207,8 @@ def adjust(solution: Solution) -> None:
     model = pycolmap.Reconstruction()
     one = bool(np.ptp(solution.focal) == 0)
     for number in [0] if one else np.unique(images):
-        model.add_camera_with_trivial_rig(_new_camera(tracks, float(solution.focal[number]), int(number) + 1))
+        focal, size = float(solution.focal[number]), (tracks.width, tracks.height)
+        model.add_camera_with_trivial_rig(new_camera("SIMPLE_PINHOLE", focal, size, int(number) + 1))
     for index in np.unique(images):
         image = pycolmap.Image(
             name=f"{index:06d}",
@@ -198,7 +227,13 @@ def adjust(solution: Solution) -> None:
         for member in members:
             track.add_element(int(images[member]) + 1, int(place[member]))
         points[number] = model.add_point3D(solution.xyz[number], track)
-    pycolmap.bundle_adjustment(model, _adjustment_options(iterations=25))
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_focal_length = options.refine_extra_params = options.refine_principal_point = False
+    options.print_summary = False
+    options.ceres.loss_function_type = pycolmap.LossFunctionType.SOFT_L1
+    solver = options.ceres.solver_options
+    solver.num_threads, solver.max_num_iterations, solver.function_tolerance = THREADS, 25, 1e-5
+    pycolmap.bundle_adjustment(model, options)
     for number, point in points.items():
         solution.xyz[number] = model.points3D[point].xyz
     for index in np.unique(images):
@@ -207,15 +242,3 @@ def adjust(solution: Solution) -> None:
     if not chosen.all():
         solution.xyz[~chosen] = np.nan
         triangulate(solution)
-
-
-def _adjustment_options(iterations: int) -> pycolmap.BundleAdjustmentOptions:
-    """Bundle adjustment with a soft loss, intrinsics held."""
-    options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = options.refine_extra_params = options.refine_principal_point = False
-    options.print_summary = False
-    options.ceres.loss_function_type = pycolmap.LossFunctionType.SOFT_L1
-    options.ceres.solver_options.num_threads = THREADS
-    options.ceres.solver_options.max_num_iterations = iterations
-    options.ceres.solver_options.function_tolerance = 1e-5
-    return options

@@ -22,7 +22,7 @@ from ...base.errors import UserError
 from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction, normalise, outermost_angles
 from ..tracking.photo_matching import Photo
 from ..tracking.tracks import Progress
-from .keyframes import THREADS, mapper_options
+from .keyframes import mapped, mapper_options, new_camera, verify, write_database
 
 MODEL = "SIMPLE_RADIAL"
 
@@ -76,25 +76,21 @@ def place_photos(
         UserError: No two photos show one scene from different places.
     """
     with temporary_folder() as folder:
-        database = folder / "database.db"
-        lens_of = _write_database(database, photos, matches, focal)
+        lens_of = _write_database(folder, photos, matches, focal)
         progress("Placing photos", 0, len(photos))
-        verification = pycolmap.TwoViewGeometryOptions()
         longest = max(max(photo.width, photo.height) for photo in photos)
-        verification.ransac.max_error = MAX_ERROR * longest / 1000
-        verification.ransac.random_seed = 0
-        threads = pycolmap.GeometricVerifierOptions()
-        threads.num_threads = THREADS
-        pycolmap.geometric_verification(database, threads, two_view_geometry_options=verification)
+        verify(folder, MAX_ERROR * longest / 1000)
         tried: list[tuple[pycolmap.Reconstruction, bool]] = []
         angles = [(angle, not is_held) for angle in WIDE_ANGLES]
         angles += [(angle, False) for angle in NARROW_ANGLES]
         for angle, frees in angles:
-            model = _mapped(database, folder, angle, frees, longest, len(photos), progress)
-            if model is not None:
-                tried.append((model, frees))
-                if model.num_reg_images() >= ENOUGH * len(photos):
-                    break
+            settings = _settings(angle, frees, longest)
+            model = mapped(folder, settings, "Placing photos", len(photos), progress)
+            if model is None or model.num_reg_images() < 2 or model.num_points3D() < MIN_POINTS:
+                continue
+            tried.append((model, frees))
+            if model.num_reg_images() >= ENOUGH * len(photos):
+                break
     if not tried:
         raise UserError(
             "no two of these photos show the same things from different places; take more, a step apart,"
@@ -112,7 +108,7 @@ def place_photos(
 
 
 def _write_database(
-    path: Path,
+    folder: Path,
     photos: Sequence[Photo],
     matches: dict[tuple[int, int], Ints],
     focal: Callable[[Photo], float | None],
@@ -124,43 +120,18 @@ def _write_database(
         for photo, own in zip(photos, known, strict=True)
     ]
     numbers = {key: number for number, key in enumerate(dict.fromkeys(keys), 1)}
-    with pycolmap.Database.open(path) as database, pycolmap.DatabaseTransaction(database):
-        for (width, height, own), number in numbers.items():
-            camera = pycolmap.Camera.create_from_model_name(
-                number, MODEL, focal_length=own or START_FOCAL * max(width, height), width=width,
-                height=height,
-            )  # fmt: skip
-            # COLMAP does not free a length in two views that has a prior, and a guess is better than none.
-            camera.has_prior_focal_length = True
-            database.write_camera(camera, use_camera_id=True)
-            rig = pycolmap.Rig()
-            rig.rig_id = number
-            rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, number))
-            database.write_rig(rig, use_rig_id=True)
-        for index, (photo, key) in enumerate(zip(photos, keys, strict=True), 1):
-            image = pycolmap.Image(name=f"{index:06d}", camera_id=numbers[key], image_id=index)
-            database.write_image(image, use_image_id=True)
-            frame = pycolmap.Frame()
-            frame.frame_id, frame.rig_id = index, numbers[key]
-            frame.add_data_id(image.data_id)
-            database.write_frame(frame, use_frame_id=True)
-            database.write_keypoints(index, photo.xy.astype(np.float32))
-        for (i, j), rows in matches.items():
-            if len(rows):
-                database.write_matches(i + 1, j + 1, rows.astype(np.uint32))
-    return [numbers[key] for key in keys]
+    cameras = [
+        new_camera(MODEL, own or START_FOCAL * max(size), tuple(size), number)
+        for (*size, own), number in numbers.items()
+    ]
+    lens_of = [numbers[key] for key in keys]
+    images = [(number, photo.xy) for number, photo in zip(lens_of, photos, strict=True)]
+    write_database(folder, cameras, images, ((pair, rows) for pair, rows in matches.items() if len(rows)))
+    return lens_of
 
 
-def _mapped(
-    database: Path,
-    folder: Path,
-    angle: float,
-    frees: bool,
-    longest: int,
-    count: int,
-    progress: Progress,
-) -> pycolmap.Reconstruction | None:
-    """The best model at an angle to begin with; None where there is none."""
+def _settings(angle: float, frees: bool, longest: int) -> pycolmap.IncrementalPipelineOptions:
+    """The mapper's, for photos of a longest side in pixels; `frees` their focal lengths."""
     settings = mapper_options(angle)
     settings.min_model_size = 2
     settings.ba_refine_focal_length = settings.ba_refine_extra_params = frees
@@ -169,19 +140,7 @@ def _mapped(
     mapper.init_min_num_inliers = 30
     mapper.filter_max_reproj_error = max(2.0, MAX_ERROR * longest / 2000)
     mapper.abs_pose_max_error = 3 * mapper.filter_max_reproj_error
-    done = [2]
-
-    def next_image() -> None:
-        done[0] += 1
-        progress("Placing photos", min(done[0], count), count)
-
-    (folder / "model").mkdir(exist_ok=True)
-    models = pycolmap.incremental_mapping(
-        database, folder, folder / "model", settings, next_image_callback=next_image
-    )
-    best = max(models.values(), key=lambda m: (m.num_reg_images(), m.num_points3D()), default=None)
-    is_good = best is not None and best.num_reg_images() > 1 and best.num_points3D() >= MIN_POINTS
-    return best if is_good else None
+    return settings
 
 
 def _collected(
