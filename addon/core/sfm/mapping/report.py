@@ -21,9 +21,6 @@ MOVING = "something moves: click it to focus on it"
 """Advice for a clip in which much of the picture moves."""
 WEAK = 30
 """Feature points; a frame with fewer has a mesh that knows little."""
-GRID = (8, 6)
-"""Columns and rows that a frame is divided into to see whether its points are spread."""
-BINS = 8
 UNSURE_FOCAL = 0.02
 UNSURE_DEPTH = 0.015
 """Relative standard deviations above which lengths are not to be relied on."""
@@ -105,15 +102,8 @@ class Report:
     """Least, median, most."""
     added: int
     """Points besides those that a frame shows and did not track, median."""
-    histogram: list[list[int]]
-    """[from, to, frames] for ranges of points per frame."""
-    coverage: float
-    """Share of the cells of an 8x6 grid that hold points, mean over the frames."""
     reprojection_error: float | None
     """None where nothing was measured: no observation is ahead of its camera, or the file stores none."""
-    drift: float | None
-    """Pixels by which a track's last observations miss otherwise than its first ones, median; None where no
-    track is long enough."""
     focal: list[float]
     """Least and greatest focal length."""
     focal_sigma: float | None
@@ -162,20 +152,15 @@ class Report:
             "guess": "typical of a phone, assumed",
             "file": "read",
         }
-        most = max(count for _, _, count in self.histogram)
-        bars = [
-            f"  {start:5d} to {end:5d} points  {count:4d} frames  {'#' * round(40 * count / most)}"
-            for start, end, count in self.histogram
-        ]
+        error = self.reprojection_error
+        missed = "not measured: the model has no usable observations" if error is None else f"{error:.2f} px"
         lines = [
             f"frames        {self.registered} of {self.frames} registered"
             + (f"; without a camera: {ranges(self.missing)}" if self.missing else ""),
             f"points        {self.points}; per frame at least {self.points_per_frame[0]}, median"
             f" {self.points_per_frame[1]}, at most {self.points_per_frame[2]}, and {self.added} more seen"
-            " by other frames;"
-            f" covering {100 * self.coverage:.0f}% of the picture",
-            *bars,
-            f"reprojection  {self._reprojection()}",
+            " by other frames",
+            f"reprojection  {missed}",
             f"focal length  {lens}{sigma}, {source[self.focal_from]}",
             *(self.lens.lines() if self.lens is not None else []),
             f"parallax      {self._parallax()}",
@@ -187,12 +172,6 @@ class Report:
         if self.weak:
             lines.append(f"weak frames   {ranges(self.weak)} (fewer than {WEAK} points)")
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes), *self._advice(words)])
-
-    def _reprojection(self) -> str:
-        if self.reprojection_error is None:
-            return "not measured: the model has no usable observations"
-        drift = "" if self.drift is None else f"; drift along tracks {self.drift:.2f} px"
-        return f"{self.reprojection_error:.2f} px{drift}"
 
     def _parallax(self) -> str:
         unsure = "not known" if self.depth_sigma is None else f"uncertain by {100 * self.depth_sigma:.1f}%"
@@ -214,11 +193,9 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     seen = set(reconstruction.frames.tolist())
     missing = [frame for frame in frames if frame not in seen]
     focal = [reconstruction.intrinsics(image).fx for image in reconstruction.images]
-    point, residual, rays = _observations(reconstruction)
+    point, missed, rays = _observations(reconstruction)
     angle = _angles(point, rays, len(reconstruction.points))
-    error, drift = None, None
-    if said.get("observed", True):
-        error, drift = _errors(point, residual, len(reconstruction.points))
+    error = _mean_error(point, missed, len(reconstruction.points)) if said.get("observed", True) else None
     spread = None
     if error is not None and len(angle) and said.get("method") != STAYS:
         # More observations of a track do not help: they share its error.
@@ -235,8 +212,8 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     return Report(
         len(frames), len(counts), missing, len(reconstruction.points),
         [int(counts.min()), int(np.median(counts)), int(counts.max())],
-        int(np.median([len(image.visible) for image in reconstruction.images])), _histogram(counts),
-        _coverage(reconstruction), error, drift, [min(focal), max(focal)], sigma,
+        int(np.median([len(image.visible) for image in reconstruction.images])), error,
+        [min(focal), max(focal)], sigma,
         said.get("focal_from", "file"), LensReport.of(said),
         [float(q) for q in np.percentile(angle, (25, 50, 75))] if len(angle) else None,
         _distances(reconstruction), spread, explained, weak, list(said.get("notes", [])),
@@ -307,36 +284,17 @@ def _advice(
     return "", ()
 
 
-def _histogram(counts: Ints) -> list[list[int]]:
-    edges = np.unique(np.linspace(counts.min(), counts.max() + 1, BINS + 1).astype(int))
-    number, _ = np.histogram(counts, edges)
-    return [[int(a), int(b) - 1, int(n)] for a, b, n in zip(edges[:-1], edges[1:], number, strict=True)]
-
-
-def _coverage(reconstruction: Reconstruction) -> float:
-    shares = []
-    for image in reconstruction.images:
-        camera = reconstruction.intrinsics(image)
-        cell = np.floor(image.xy / [camera.width, camera.height] * GRID).astype(int)
-        inside = np.all((cell >= 0) & (cell < GRID), axis=1)
-        shares.append(len(np.unique(cell[inside], axis=0)) / (GRID[0] * GRID[1]))
-    return float(np.mean(shares))
-
-
 def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]:
-    """Point (m,), residual (m, 2) and ray (m, 3) of all observations, in the order of images.
-
-    Residuals are in pixels, NaN behind the camera; rays are unit vectors in the world.
-    """
-    points, residuals, rays = [], [], []
+    """Point (m,), error (m,) in pixels, NaN behind the camera, and unit ray (m, 3) of all observations."""
+    points, missed, rays = [], [], []
     for image in reconstruction.images:
         points.append(image.points)
         local = image.to_camera(reconstruction.points.xyz[image.points])
         miss = reconstruction.intrinsics(image).project(local) - image.xy
-        residuals.append(np.where(local[:, 2:] > 0, miss, np.nan))
+        missed.append(np.where(local[:, 2] > 0, np.linalg.norm(miss, axis=1), np.nan))
         with np.errstate(invalid="ignore", divide="ignore"):
             rays.append(local / np.linalg.norm(local, axis=1, keepdims=True) @ image.rotation)
-    return np.concatenate(points), np.concatenate(residuals), np.concatenate(rays)
+    return np.concatenate(points), np.concatenate(missed), np.concatenate(rays)
 
 
 def _distances(reconstruction: Reconstruction) -> list[float]:
@@ -355,27 +313,9 @@ def _angles(point: Ints, rays: Floats, count: int) -> Floats:
     return np.asarray(angle[good])
 
 
-def _errors(point: Ints, residual: Floats, count: int) -> tuple[float | None, float | None]:
-    """Mean reprojection error of the points, and how far tracks drift from their beginning to their end."""
-    size = np.linalg.norm(residual, axis=1)
-    good = np.isfinite(size)
-    point, residual, size = point[good], residual[good], size[good]
-    views = np.bincount(point, minlength=count)
-    total = np.bincount(point, weights=size, minlength=count)
-    error = float((total[views > 0] / views[views > 0]).mean()) if (views > 0).any() else None
-    # Images are in the order of time, and a stable sort keeps it within each point.
-    order = np.argsort(point, kind="stable")
-    rank = np.arange(len(order)) - (np.cumsum(views) - views)[point[order]]
-    share = rank / np.maximum(views[point[order]] - 1, 1)
-    ends = []
-    for part in (share < 0.25, share > 0.75):
-        rows = order[part]
-        number = np.maximum(np.bincount(point[rows], minlength=count), 1)
-        ends.append(
-            np.stack([np.bincount(point[rows], residual[rows, k], minlength=count) for k in (0, 1)], 1)
-            / number[:, None]
-        )
-    lasting = views >= 8
-    if not lasting.any():
-        return error, None
-    return error, float(np.median(np.linalg.norm(ends[1] - ends[0], axis=1)[lasting]))
+def _mean_error(point: Ints, missed: Floats, count: int) -> float | None:
+    """Mean over the points of their mean error in pixels; None where nothing is ahead of its camera."""
+    good = np.isfinite(missed)
+    views = np.bincount(point[good], minlength=count)
+    total = np.bincount(point[good], weights=missed[good], minlength=count)
+    return float((total[views > 0] / views[views > 0]).mean()) if good.any() else None
