@@ -148,7 +148,7 @@ def _chosen_focus(
         return focus, own, []
     if not options.focus_at and not options.focus_subject:
         if options.focus_distance is not None:
-            check_distance(reconstruction, options.focus_distance, "--focus-distance")
+            check_distance(reconstruction, options.focus_distance)
         return Focus(distance=options.focus_distance), own, []
     found = []
     first = _registered(reconstruction, frames)

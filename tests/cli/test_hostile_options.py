@@ -344,7 +344,7 @@ def test_a_focus_nearer_than_anything_is_refused_by_its_option(
     words = ("--method", "features", "--views", "2", "--out", out, "--frames", "3")
     for distance in ("1e-9", "0.01"):
         said = refusal(capfd, "render", work, "--focus-distance", distance, *words)
-        assert f"--focus-distance is {float(distance):g}, but nothing in the clip is nearer than" in said
+        assert f"the focus distance is {float(distance):g}, but nothing in the clip is nearer than" in said
         least = said.split("give a distance from ")[1].split()[0]
     assert not out.parent.exists()
     done = run_command([str(each) for each in ("render", work, "--focus-distance", least, *words)])

@@ -131,13 +131,12 @@ def check_points(reconstruction: Reconstruction, points: tuple[int, ...]) -> Int
     return ids.astype(np.int32)
 
 
-def check_distance(reconstruction: Reconstruction, distance: float, name: str) -> None:
+def check_distance(reconstruction: Reconstruction, distance: float) -> None:
     """Check that a focal plane at a distance leaves some things sharper than others.
 
     Args:
         reconstruction: Solve of the clip.
         distance: Depth along the optical axis, in scene units.
-        name: Name of the distance in the interface.
 
     Raises:
         UserError: The distance is below `NEAREST` times the distance of everything in the clip.
@@ -147,8 +146,9 @@ def check_distance(reconstruction: Reconstruction, distance: float, name: str) -
     nearest = min((float(np.percentile(z, 2)) for z in depths), default=0.0)
     if distance < NEAREST * nearest:
         raise UserError(
-            f"{name} is {distance:g}, but nothing in the clip is nearer than {nearest:.4g}, so all would be"
-            f" blurred alike; give a distance from {NEAREST * nearest:.4g} on, in the solve's own unit"
+            f"the focus distance is {distance:g}, but nothing in the clip is nearer than {nearest:.4g}, so"
+            f" all would be blurred alike; give a distance from {NEAREST * nearest:.4g} on, in the solve's"
+            " own unit"
         )
 
 

@@ -35,9 +35,7 @@ LONGEST_HIDDEN = 12
 ALIKE = 0.15
 """Relative difference of inverse depths of the same moving object, `EVERY` frames apart."""
 EVERY = 3
-"""Frames between two whose depth is asked for: those between are interpolated."""
-SMOOTH = 3
-"""Such depths, of which the median is taken."""
+"""Frames between two whose depth is asked for: those between are interpolated, in inverse depth."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ def follow(
     for way in (frames[at:], frames[at::-1]):
         found |= _one_way(clip, way, start, inverse_depth)
     known = sorted(found)
-    inverse = _median(np.array([found[each] for each in known]), SMOOTH)
+    inverse = smoothed([found[each] for each in known])
     between = [each for each in frames if known[0] <= each <= known[-1]]
     return dict(zip(between, (1 / np.interp(between, known, inverse)).tolist(), strict=True))
 
@@ -214,9 +212,7 @@ def _zoom(width: int, height: int) -> float:
     return min(1.0, LONG_SIDE / max(width, height))
 
 
-def _median(values: Floats, window: int) -> Floats:
-    """(n,) running medians of so many values; those at the ends, where there are fewer, as they are."""
-    half, result = window // 2, values.copy()
-    for n in range(half, len(values) - half):
-        result[n] = np.median(values[n - half : n + half + 1])
-    return result
+def smoothed(values: Sequence[float]) -> Floats:
+    """Return running medians (n,) of three values (n,); the first and the last stay as they are."""
+    wide = np.pad(np.asarray(values, np.float64), 1, mode="edge")
+    return np.median(np.lib.stride_tricks.sliding_window_view(wide, 3), axis=1)

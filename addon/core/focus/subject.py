@@ -13,15 +13,12 @@ from ..base.progress import checkpoint
 from ..camera.reconstruction import Reconstruction
 from ..depth.source import NO_PICTURE, DepthSource
 from .focus import Focus
+from .follow import EVERY, smoothed
 from .picking import unsolved
 from .place import Place
 
-EVERY = 3
-"""Frames between two whose depth is asked for; those between are interpolated, in inverse depth."""
 LEAST_PIXELS = 12
 """Least pixels of a subject with a depth."""
-SMOOTH = 3
-"""Depths, `EVERY` frames apart, of which the median is taken."""
 
 
 def subject_place(
@@ -54,7 +51,8 @@ def subject_place(
     found = {each: inverse for each in frames if (inverse := standing(each)) is not None}
     if not found:
         asked = sorted({*frames[::EVERY], frames[-1], frame})
-        found = _smooth(dict(_inverse_depths(reconstruction, depth, mask, asked)))
+        found = dict(_inverse_depths(reconstruction, depth, mask, asked))
+        found = dict(zip(found, smoothed(list(found.values())).tolist(), strict=True)) if found else {}
     if not found:
         raise UserError(f"the subject {name} is not seen in any frame; mark it with a stroke where it is")
     known = sorted(found)
@@ -90,10 +88,3 @@ def _inverse_depths(
         inverse = float(np.median(known.at_places(places, canvas)[0]))
         if inverse > 0:
             yield frame, inverse
-
-
-def _smooth(found: dict[int, float]) -> dict[int, float]:
-    """The running median of `SMOOTH` values, by ascending frames."""
-    wide = np.pad(list(found.values()), SMOOTH // 2, mode="edge") if found else np.zeros(SMOOTH - 1)
-    medians = np.median(np.lib.stride_tricks.sliding_window_view(wide, SMOOTH), axis=1)
-    return dict(zip(found, medians.tolist(), strict=True))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,6 +10,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Mask
+from ..base.lru_cache import LRUCache
 from ..camera.reconstruction import Reconstruction
 from ..depth.depth_store import LONGEST_SIDE, DepthStore, decoded, encoded
 from ..media.picture_file import Pixels
@@ -85,7 +85,9 @@ class ClipSubjects:
     store: DepthStore | None = None
     """Storage of subjects."""
     networks: Networks = field(default_factory=Networks)
-    _carried: OrderedDict[str, CarriedSubject] = field(default_factory=OrderedDict, repr=False, compare=False)
+    _carried: LRUCache[CarriedSubject] = field(
+        default_factory=lambda: LRUCache[CarriedSubject](KEPT_SUBJECTS), repr=False, compare=False
+    )
 
     @cached_property
     def pictures(self) -> ClipPictures:
@@ -96,11 +98,7 @@ class ClipSubjects:
     def carried(self, marked: MarkedSubject) -> CarriedSubject:
         """Return a marked subject, carried through the clip; the last `KEPT_SUBJECTS` are remembered."""
         new = CarriedSubject(self.pictures, self.networks, marked.strokes, self._by_strokes)
-        carried = self._carried.setdefault(marked.key, new)
-        self._carried.move_to_end(marked.key)
-        while len(self._carried) > KEPT_SUBJECTS:
-            self._carried.popitem(last=False)
-        return carried
+        return self._carried.get(marked.key, lambda: new)
 
     def _by_strokes(self, strokes: tuple[Stroke, ...]) -> CarriedSubject:
         return self.carried(MarkedSubject("", strokes))

@@ -22,7 +22,7 @@ AGREE = 1.5
 """Pixels by which flow there and back may miss where it began. Chosen by inspection."""
 
 INLIER = 1.0
-"""Pixels within which flow in a subject agrees with one similarity."""
+"""Pixels within which flow agrees with a model of motion."""
 LEAST_FLOW = 30
 """Pixels of a subject whose flow there and back agrees, from which on flow gives its change of size."""
 LARGEST_CHANGE = 1.15

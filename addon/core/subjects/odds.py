@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Floats, Ints, Map, Mask
+from .flow import INLIER, grid
 from .networks import Networks, Region, log_odds
 
 OUTSIDE = -4.0
@@ -139,8 +140,6 @@ FAR = 4.0
 """Pixels of residual motion beyond which more makes no difference."""
 MOTION = 2.5
 """Log-odds that motion adds at most."""
-INLIER = 1.0
-"""Pixels within which flow agrees with a model of motion."""
 
 
 def motion(flow: Map, there: Mask) -> Map:
@@ -207,10 +206,8 @@ def stroke_motion(flow: Map, stroke: Mask) -> Map:
 
 def _residual(flow: Map, model: Floats) -> Map:
     """(h, w) pixels, at most `FAR`, by which flow leaves a homography (3, 3)."""
-    height, width = flow.shape[:2]
-    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    mapped = cv2.perspectiveTransform(np.dstack([x, y]), model.astype(np.float32))
-    off = mapped - np.dstack([x, y]) - flow
+    own = grid(flow.shape)
+    off = cv2.perspectiveTransform(own, model.astype(np.float32)) - own - flow
     return np.asarray(np.minimum(cv2.magnitude(off[..., 0], off[..., 1]), np.float32(FAR)))
 
 
