@@ -24,7 +24,6 @@ from .scenes import write_frames
 SIZE = (96, 64)
 LENS = Intrinsics(*SIZE, 80.0, 80.0, 48.0, 32.0)
 FLIP = np.diag([1.0, -1.0, -1.0])
-MIRROR = np.diag([1.0, 1.0, -1.0])
 NAMES = ("shot_0001.png", "shot_0002.png", "shot_0003.png", "shot_0004.png")
 
 
@@ -90,37 +89,6 @@ def bundler(
     return header + "\n".join(lines) + "\n"
 
 
-def old_bundler(model: Reconstruction, version: str) -> str:
-    """Versions 0.1 and 0.2: mirrored in z, without positions in the view lists, 0.1 without distortion."""
-    lines = [f"# Bundle file v{version}", f"{len(model.images)} {len(model.points)}"]
-    for image in model.images:
-        camera = model.cameras[image.camera]
-        rotation, translation = MIRROR @ FLIP @ image.rotation @ MIRROR, MIRROR @ FLIP @ image.translation
-        lines.append(row([camera.fx] if version == "0.1" else [camera.fx, camera.k1, camera.k2]))
-        lines += [*map(row, rotation), row(translation)]
-    for xyz, rgb, seen in zip(model.points.xyz, model.points.rgb, views(model), strict=True):
-        observations = [f"{image} 7" for image, _, _ in seen]
-        lines += [
-            row(MIRROR @ xyz),
-            " ".join(map(str, rgb)),
-            " ".join([str(len(observations)), *observations]),
-        ]
-    return "\n".join(lines) + "\n"
-
-
-def named_bundler(model: Reconstruction, names: tuple[str, ...]) -> str:
-    """Version 0.4 with names, as Bundler's own readers have it."""
-    lines = bundler(model, "").splitlines()
-    count = len(model.images)
-    text = ["# Bundle file v0.4", lines[0] + " 0"]
-    for index in range(count):
-        text += [f"{names[index]} 96 64 80.0 3", *lines[1 + 5 * index : 6 + 5 * index]]
-    points = lines[1 + 5 * count :]
-    for start in range(0, len(points), 3):
-        text += ["17", *points[start : start + 3]]
-    return "\n".join(text) + "\n"
-
-
 def nvm(
     model: Reconstruction,
     names: tuple[str, ...] = NAMES,
@@ -133,10 +101,7 @@ def nvm(
     lines = [str(len(model.images))]
     for image, name in zip(model.images, names, strict=True):
         camera = model.cameras[image.camera]
-        if "R9T" in header:
-            pose = [*image.rotation.ravel(), *image.translation]
-        else:
-            pose = [*quaternion_from_matrix(image.rotation) * 2, *image.centre]
+        pose = [*quaternion_from_matrix(image.rotation) * 2, *image.centre]
         lines.append(f"{name}\t{row([camera.fx, *pose, radial])} 0")
     lines += ["", str(len(model.points))]
     for xyz, rgb, seen in zip(model.points.xyz, model.points.rgb, views(model), strict=True):

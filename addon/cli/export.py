@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import shutil
 from pathlib import Path
 
-from ..core.base.atomic import PART, collect_orphans, owned
+from ..core.base.atomic import staged_folder
 from ..core.base.counting import counted
 from ..core.base.errors import UserError
 from ..core.base.streams import say, say_to
@@ -85,17 +84,9 @@ def _export_model(options: argparse.Namespace) -> None:
         raise UserError(f"{out} exists; name a new folder")
     footage = solved.open_clip(solved.frames)
     names = {} if footage.is_video else {frame: footage.file(frame).name for frame in footage.frames}
-    collect_orphans(out.parent)
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with owned(out.parent, PART) as name:
-            part = out.with_name(f"{name}-{out.name}")
-            try:
-                part.mkdir()
-                export_model(part, solved.reconstruction, names)
-                part.rename(out)
-            finally:
-                shutil.rmtree(part, ignore_errors=True)
+        with staged_folder(out) as part:
+            export_model(part, solved.reconstruction, names)
     except OSError as error:
         raise UserError(f"{out} cannot be written: {error.strerror}") from error
     if any(solved.reconstruction.readout):

@@ -171,11 +171,9 @@ def models() -> dict[str, dict[str, bytes]]:
     listed = "a 1.png 0 80\nb2.png\nc/3.png 0 81.5\n"
     return {
         "Bundler": {"bundle.out": foreign.bundler(made, missing=(1,)).encode(), "list.txt": listed.encode()},
-        "Bundler without a header": {"bundle.out": foreign.bundler(made, "").encode()},
-        "Bundler with names": {"bundle.out": foreign.named_bundler(made, ("a", "b", "c")).encode()},
         "VisualSFM": {"a.nvm": foreign.nvm(made, names, radial=0.01, origin=(48.0, 32.0)).encode()},
-        "VisualSFM R9T": {
-            "a.nvm": foreign.nvm(made, names, header="NVM_V3_R9T FixedK 80 48 80 32 0\n").encode()
+        "VisualSFM FixedK": {
+            "a.nvm": foreign.nvm(made, names, header="NVM_V3 FixedK 80 48 80 32 0\n").encode()
         },
         "Voodoo": {"track.txt": foreign.voodoo(made, k3=0.01).encode()},
         "COLMAP text": {name: text.encode() for name, text in foreign.colmap_text(made, names).items()},

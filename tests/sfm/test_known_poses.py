@@ -11,9 +11,16 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
+from addon.core.camera.reconstruction import (
+    NO_POINTS,
+    Image,
+    Intrinsics,
+    Points,
+    Reconstruction,
+    rotation_matrix,
+)
 from addon.core.media.clip import open_footage
-from addon.core.sfm.mapping.known_cameras import bare, thinned
+from addon.core.sfm.mapping.known_cameras import thinned
 from addon.core.sfm.mapping.known_poses import triangulate
 from addon.core.sfm.tracking.tracks import Tracks, track_features
 
@@ -183,10 +190,8 @@ def test_a_walk_through_a_room(data: Path) -> None:
         matrix = row[1:].reshape(4, 4)
         left, _, right = np.linalg.svd(matrix[:3, :3].T)
         rotation = left @ right
-        images.append(
-            Image(int(row[0]), rotation, -rotation @ matrix[:3, 3], np.zeros((0, 2)), np.zeros(0, np.int32))
-        )
-    room = bare(tuple(images), (camera,))
+        images.append(Image(int(row[0]), rotation, -rotation @ matrix[:3, 3]))
+    room = Reconstruction((camera,), tuple(images), NO_POINTS)
     tracks = track_features(open_footage(data / "room" / "images"), lambda *_: None)
     known = triangulate(room, tracks)
     found = known.reconstruction

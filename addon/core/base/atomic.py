@@ -63,6 +63,24 @@ def staged(path: Path) -> Iterator[Path]:
         raise UserError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
+@contextmanager
+def staged_folder(folder: Path) -> Iterator[Path]:
+    """Yield a new folder beside `folder`, and move it there at the end; after an error it is removed.
+
+    Raises OSError.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    collect_orphans(folder.parent)
+    with owned(folder.parent, PART) as name:
+        part = folder.with_name(f"{name}-{folder.name}")
+        try:
+            part.mkdir()
+            yield part
+            part.rename(folder)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+
+
 def publish(part: Path, path: Path) -> None:
     """Move a written file into its place once it is on the disk; raises OSError."""
     sync(part)

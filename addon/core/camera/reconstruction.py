@@ -40,9 +40,9 @@ class Image:
     """(3, 3) world-to-camera rotation."""
     translation: Floats
     """(3,) world-to-camera translation: camera = rotation @ world + translation."""
-    xy: Floats
+    xy: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     """(n, 2) observed feature positions in pixels of the source frame."""
-    points: Ints
+    points: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
     """(n,) rows of `Reconstruction.points` that the features belong to."""
     camera: int = 0
     """Index into `Reconstruction.cameras`."""
@@ -73,6 +73,9 @@ class Points:
 
     def __len__(self) -> int:
         return len(self.xyz)
+
+
+NO_POINTS = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -254,6 +257,15 @@ def turning_speeds(rotation: Floats, frames: Ints) -> Floats:
     gap = np.maximum(frames[after] - frames[before], 1)
     steps = rotation[after] @ np.swapaxes(rotation[before], 1, 2)
     return np.asarray(np.array([rotation_vector(step) for step in steps]) / gap[:, None])
+
+
+def nearest_rotation(matrix: Floats) -> Floats:
+    """Return the rotation nearest to a matrix (3, 3) in the Frobenius norm: its polar factor.
+
+    Higham, "Matrix nearness problems", 1989.
+    """
+    left, _, right = np.linalg.svd(matrix)
+    return np.asarray(left @ right)
 
 
 def rotation_vector(matrix: Floats) -> Floats:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..base.numbers import LARGEST
-from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, nearest_rotation
 from ..media.picture_file import PICTURES
 from .parsing import Numbers
 
@@ -25,14 +25,10 @@ ROTATION_ERROR = 1e-2
 
 
 def rotation_from(matrix: Floats, problem: UserError) -> Floats:
-    """Return the rotation nearest to a printed (3, 3) matrix; raises `problem` if it is not a rotation.
-
-    This is the polar factor, nearest in the Frobenius norm (Higham, "Matrix nearness problems", 1989).
-    """
+    """Return the rotation nearest to a printed (3, 3) matrix; raises `problem` if it is not a rotation."""
     if np.abs(matrix @ matrix.T - np.eye(3)).max() > ROTATION_ERROR or np.linalg.det(matrix) < 0:
         raise problem
-    left, _, right = np.linalg.svd(matrix)
-    return np.asarray(left @ right)
+    return nearest_rotation(matrix)
 
 
 def undistorting(pinhole: Intrinsics, a1: float, a2: float) -> tuple[Intrinsics, float] | None:
@@ -55,7 +51,7 @@ def undistorting(pinhole: Intrinsics, a1: float, a2: float) -> tuple[Intrinsics,
     true = seen * (1 + square * (a1 + square * a2))
     place = (pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy)
     for above, below in FITS:
-        terms = _quotient(true, seen, above, below)
+        terms = quotient(true, seen, above, below)
         k1, k2, k3, k4, k5, k6 = terms.tolist()
         if below:
             camera = Intrinsics.from_parameters(
@@ -70,14 +66,15 @@ def undistorting(pinhole: Intrinsics, a1: float, a2: float) -> tuple[Intrinsics,
     return (camera, miss) if miss < 1 else None
 
 
-def _quotient(true: Floats, seen: Floats, above: int, below: int) -> Floats:
-    """Fit (6,) terms of r^2, r^4, r^6 in numerator and denominator that map radii `true` to `seen`.
+def quotient(true: Floats, seen: Floats, above: int, below: int) -> Floats:
+    """Fit (6,) terms of r^2, r^4, r^6 above and below the fraction line that map radii `true` to `seen` (n,).
 
     The weights undo the effect of linearisation on the errors (Sanathanan and Koerner, "Transfer function
     synthesis as a ratio of two complex polynomials", 1963).
     """
     # In units of the rim, to keep the precision of strong lenses.
-    unit = true / true[-1]
+    rim = true.max()
+    unit = true / rim
     powers = unit[:, None] ** np.array([2.0, 4.0, 6.0])
     columns = np.concatenate([powers[:, :above] * true[:, None], -powers[:, :below] * seen[:, None]], axis=1)
     weight = np.ones_like(true)
@@ -87,7 +84,7 @@ def _quotient(true: Floats, seen: Floats, above: int, below: int) -> Floats:
         weight = 1 / np.maximum(np.abs(1 + powers[:, :below] @ solution[above:]), 1e-3)
     terms = np.zeros(6)
     terms[:above], terms[3 : 3 + below] = solution[:above], solution[above:]
-    return np.asarray(terms / np.tile(true[-1] ** np.array([2.0, 4.0, 6.0]), 2))
+    return np.asarray(terms / np.tile(rim ** np.array([2.0, 4.0, 6.0]), 2))
 
 
 @dataclass(frozen=True)
@@ -103,24 +100,22 @@ class Observations:
 
 
 def observations_of(
-    numbers: Numbers, starts: NDArray[np.int64], each: int, cameras: int, images: list[Image]
+    numbers: Numbers, starts: NDArray[np.int64], cameras: int, images: list[Image]
 ) -> tuple[Observations, list[str]]:
-    """Read the views of points that are stored as X Y Z R G B, a count, and `each` numbers a view.
+    """Read the views of points that are stored as X Y Z R G B, a count, and camera, key, x, y of each view.
 
-    A view is camera, key, x and y, or with `each` 2 camera and key, and x = y = 0. `starts` (m,) are the
-    indices of X. Views by cameras that are not in `images` are left out, with a note.
+    `starts` (m,) are the indices of X. Views by cameras that are not in `images` are left out, with a note.
     """
     counts = numbers.values[starts + 6].astype(np.int64)
     point = np.repeat(np.arange(len(starts)), counts)
     within = np.arange(len(point)) - np.repeat(np.cumsum(counts) - counts, counts)
-    where = starts[point] + 7 + each * within
+    where = starts[point] + 7 + 4 * within
     camera = numbers.whole(where, cameras, "a camera")
     known = np.isin(camera, [image.frame for image in images])
     lost = int(np.sum(~known))
     notes = [f"{lost} features belong to cameras that are not registered: left out"] if lost else []
     where = where[known]
-    xy = numbers.values[where[:, None] + [2, 3]] if each == 4 else np.zeros((len(where), 2))
-    return Observations(camera[known], point[known], xy), notes
+    return Observations(camera[known], point[known], numbers.values[where[:, None] + [2, 3]]), notes
 
 
 def assemble(
@@ -151,13 +146,6 @@ def assemble(
         whole.append(Image(bare.frame, bare.rotation, bare.translation, place, seen, bare.camera))
     points = Points(xyz, np.clip(np.round(rgb), 0, 255).astype(np.uint8), sums / np.maximum(counts, 1))
     return Reconstruction(tuple(cameras), tuple(whole), points)
-
-
-def visible(camera: Intrinsics, image: Image, xyz: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Project points (k, 3) to pixels (k, 2), and mark those in front and inside the picture (k,)."""
-    local = image.to_camera(xyz)
-    place = camera.project(local)
-    return place, (local[:, 2] > 0) & np.all((place >= 0) & (place <= [camera.width, camera.height]), axis=1)
 
 
 def picture_size(folder: Path, names: list[str]) -> tuple[int, int] | None:

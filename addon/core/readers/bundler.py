@@ -1,200 +1,79 @@
-"""Bundler's bundle.out with its list.txt, file versions 0.1 to 0.4 and without a header.
+"""Bundler's bundle.out with its list.txt, file version 0.3, which every exporter writes.
 
 P = R X + t, p = -P.xy / P.z, pixel = f (1 + k1 |p|^2 + k2 |p|^4) p from the picture's centre, y up, the
-camera looking down -z (Snavely, Bundler v0.4 User's Manual). As in Bundler's own readers, the scene is
-mirrored in z and has no feature positions before 0.3, has no distortion before 0.2, and 0.4 may name its
-pictures.
+camera looking down -z (Snavely, Bundler v0.4 User's Manual).
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats
 from ..base.counting import counted
 from ..base.errors import UserError
-from ..base.regular_file import open_regular
 from ..camera.reconstruction import Image, Intrinsics
-from .building import (
-    Observations,
-    assemble,
-    check_size,
-    observations_of,
-    picture_size,
-    rotation_from,
-    visible,
-)
+from .building import assemble, check_size, observations_of, picture_size, rotation_from
 from .imported_model import ImportedModel
-from .parsing import Numbers, Text
+from .parsing import Numbers, Text, beginning
+from .poses import OPENGL
 
 FORMAT = "Bundler"
-TURNED = np.diag([1.0, -1.0, -1.0])
-"""Rotation from a camera that looks down -z with y up to ours."""
-MIRRORED = np.diag([1.0, 1.0, -1.0])
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Layout of a file version."""
-
-    version: str
-    camera: int = 15
-    """Numbers a camera."""
-    before: int = 0
-    """Numbers before a point's position."""
-    view: int = 4
-    """Numbers a view: camera, key and, in some versions, x and y."""
-
-    @property
-    def is_mirrored(self) -> bool:
-        """Return whether the model is mirrored in z."""
-        return self.version < "0.3"
-
-
-LAYOUTS = {
-    "0.3": Layout("0.3"),
-    "0.2": Layout("0.2", view=2),
-    "0.1": Layout("0.1", camera=13, view=2),
-    "0.4": Layout("0.4"),
-}
+HEADER = re.compile(r"(# Bundle file )?v0\.3")
+CAMERA, POINT, VIEW = 15, 7, 4
+"""Numbers a camera, a point without its views, and a view (camera, key, x, y)."""
 
 
 def recognises(path: Path) -> bool:
     """Return whether a file is a bundle file, by its suffix or first line."""
-    try:
-        with open_regular(path) as file:
-            start = file.read(200).removeprefix(b"\xef\xbb\xbf").lstrip()
-    except OSError:
-        return False
-    return path.suffix.lower() == ".out" or re.match(rb"# Bundle file|v0\.\d\s", start) is not None
+    start = beginning(path)
+    is_marked = re.match(rb"# Bundle file|v0\.\d\s", start or b"") is not None
+    return start is not None and (is_marked or path.suffix.lower() == ".out")
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     """Read a bundle file; see `Reader.read`. The size of a listed picture beside the file has priority."""
     text = Text(path)
-    version = _version(text)
-    stream = _stream(text, version)
-    names, layout, values = stream.names, stream.layout, stream.numbers.values
-    notes: list[str] = []
-    if not names:
-        names, listed = _listed(path, stream.cameras)
-        notes += listed
-    size = picture_size(path.parent, [name for name in names if name]) or size
-    lenses, images = _cameras(stream, size)
-    if not images:
-        raise UserError(f"{path} has no registered camera; solve the clip again")
-    columns = stream.starts[:, None] + np.arange(3)
-    xyz, rgb = values[columns], values[columns + 3]
-    if layout.is_mirrored:
-        xyz = xyz @ MIRRORED
-    views, lost = observations_of(stream.numbers, stream.starts, layout.view, stream.cameras, images)
-    notes += lost
-    if layout.view == 4:
-        views = replace(views, xy=views.xy * [1.0, -1.0] + np.array(size) / 2)
-        notes += check_size(path, size, views.xy)
-    else:
-        views = _projected(lenses, images, xyz, views)
-        notes.append("this version stores no feature positions: each point is taken to be where it projects")
-    reconstruction = assemble(lenses, images, views, xyz, rgb)
-    label = f"{FORMAT} v{version}" if version else f"{FORMAT} without a header"
-    return ImportedModel(label, reconstruction, tuple(names), tuple(notes), layout.view != 4)
-
-
-def _version(text: Text) -> str:
-    """Return the version in the header, or an empty string."""
-    first = text.demand("a header or the numbers of cameras and points")
-    found = re.fullmatch(r"(?:# Bundle file )?v(\d+\.\d+)", first)
-    if found and found[1] in LAYOUTS:
-        return found[1]
-    if found or not re.match(r"[\d+-]", first):
-        raise text.wrong(f"'# Bundle file v0.3' or another version of {', '.join(sorted(LAYOUTS))}")
-    text.back()
-    return ""
-
-
-@dataclass(frozen=True)
-class _Stream:
-    """The numbers of a file: cameras, then points."""
-
-    numbers: Numbers
-    layout: Layout
-    cameras: int
-    starts: NDArray[np.int64]
-    """(points,) index of each point's position."""
-    names: list[str]
-    """Names of the pictures; empty if the file has none."""
-
-
-def _stream(text: Text, version: str) -> _Stream:
+    if HEADER.fullmatch(text.demand("a header")) is None:
+        raise text.wrong("'# Bundle file v0.3'; export it again with another program, or as a COLMAP model")
     words = text.demand("the numbers of cameras and points").split()
-    if version == "0.4" and len(words) == 3:
-        return _named(text, words)
     if len(words) != 2:
         raise text.wrong("two numbers, of cameras and of points")
-    cameras = text.count(words[0], "cameras", 26)
+    count = text.count(words[0], "cameras", 26)
     points = text.count(words[1], "points", 14)
     numbers = text.numbers()
-    candidates = [version] if version else ["0.3", "0.2", "0.1"]
-    problem = None
-    for layout in map(LAYOUTS.__getitem__, candidates):
-        try:
-            return _Stream(numbers, layout, cameras, _starts(numbers, layout, cameras, points), [])
-        except UserError as error:
-            # Without a header, the error of the most common version is the most useful.
-            problem = problem or error
-    assert problem is not None
-    raise problem
+    starts = _starts(numbers, count, points)
+    names, notes = _listed(path, count)
+    size = picture_size(path.parent, [name for name in names if name]) or size
+    lenses, images = _cameras(numbers, count, size)
+    if not images:
+        raise UserError(f"{path} has no registered camera; solve the clip again")
+    columns = starts[:, None] + np.arange(3)
+    views, lost = observations_of(numbers, starts, count, images)
+    views = replace(views, xy=views.xy * [1.0, -1.0] + np.array(size) / 2)
+    notes += [*lost, *check_size(path, size, views.xy)]
+    reconstruction = assemble(lenses, images, views, numbers.values[columns], numbers.values[columns + 3])
+    return ImportedModel(f"{FORMAT} v0.3", reconstruction, tuple(names), tuple(notes))
 
 
-def _named(text: Text, words: list[str]) -> _Stream:
-    """Read version 0.4 with named pictures and an ID before each point, as Bundler's own readers do."""
-    cameras = text.count(words[0], "cameras", 36)
-    points = text.count(words[1], "points", 16)
-    if words[2] != "0":
-        raise text.wrong("0 as the third number: files that hold feature descriptors are not read")
-    names: list[str] = []
-    parts: list[Numbers] = []
-    for _ in range(cameras):
-        row = text.demand("a picture's name, width, height, focal length and ID").rsplit(maxsplit=4)
-        if len(row) != 5:
-            raise text.wrong("a picture's name, width, height, focal length and ID")
-        names.append(row[0])
-        parts.append(text.numbers(5))
-        if len(parts[-1].values) != 15:
-            raise text.wrong("the last of five lines with f k1 k2, a rotation and a translation")
-    parts.append(text.numbers())
-    # Joined to one stream, as in the other versions.
-    numbers = Numbers(
-        text,
-        np.concatenate([part.values for part in parts]),
-        np.concatenate([part.ends + 15 * index for index, part in enumerate(parts)]),
-        np.concatenate([part.lines for part in parts]),
-    )
-    layout = Layout("0.4", before=1)
-    return _Stream(numbers, layout, cameras, _starts(numbers, layout, cameras, points), names)
-
-
-def _starts(numbers: Numbers, layout: Layout, cameras: int, points: int) -> NDArray[np.int64]:
+def _starts(numbers: Numbers, cameras: int, points: int) -> NDArray[np.int64]:
     """Return the (points,) indices of positions; raises UserError unless the file ends with a point."""
     # Lists of views differ in length, so each point is found from the previous one.
     stream, end = memoryview(numbers.values), len(numbers.values)
-    at = cameras * layout.camera
-    least = 7 + layout.before
-    starts = np.empty(min(points, max(end - at, 0) // least), dtype=np.int64)
+    at = cameras * CAMERA
+    starts = np.empty(min(points, max(end - at, 0) // POINT), dtype=np.int64)
     for row in range(points):
-        count_at = at + least - 1
+        count_at = at + POINT - 1
         if count_at >= end:
             raise numbers.wrong(end, f"{points - row} more points of {points}")
         count = stream[count_at]
         if count < 0 or count % 1:
             raise numbers.wrong(count_at, f"the number of views of point {row}")
-        starts[row] = at + layout.before
-        at += least + layout.view * int(count)
+        starts[row] = at
+        at += POINT + VIEW * int(count)
         if at > end:
             raise numbers.wrong(end, f"{count:g} views of point {row}")
     if at != end:
@@ -202,42 +81,23 @@ def _starts(numbers: Numbers, layout: Layout, cameras: int, points: int) -> NDAr
     return starts
 
 
-def _cameras(stream: _Stream, size: tuple[int, int]) -> tuple[list[Intrinsics], list[Image]]:
-    numbers, layout = stream.numbers, stream.layout
+def _cameras(numbers: Numbers, count: int, size: tuple[int, int]) -> tuple[list[Intrinsics], list[Image]]:
     width, height = size
-    none, nowhere = np.zeros((0, 2)), np.zeros(0, dtype=np.int32)
     lenses: list[Intrinsics] = []
     images: list[Image] = []
-    for index in range(stream.cameras):
-        first = index * layout.camera
-        row = numbers.values[first : first + layout.camera]
-        focal, pose = float(row[0]), row[-12:]
-        k1, k2 = (float(row[1]), float(row[2])) if layout.camera == 15 else (0.0, 0.0)
+    for index in range(count):
+        first = index * CAMERA
+        focal, k1, k2, *pose = numbers.values[first : first + CAMERA].tolist()
         if focal == 0:
             continue
         if focal < 0:
             raise numbers.wrong(first, f"the focal length of camera {index}, greater than zero")
-        line = numbers.line(first + layout.camera - 12)
+        line = numbers.line(first + 3)
         problem = numbers.text.wrong(f"the first of three lines with a rotation of camera {index}", line)
-        rotation = rotation_from(pose[:9].reshape(3, 3), problem)
-        translation = pose[9:]
-        if layout.is_mirrored:
-            rotation, translation = MIRRORED @ rotation @ MIRRORED, MIRRORED @ translation
-        images.append(Image(index, TURNED @ rotation, TURNED @ translation, none, nowhere, len(lenses)))
+        rotation = OPENGL @ rotation_from(np.reshape(pose[:9], (3, 3)), problem)
+        images.append(Image(index, rotation, OPENGL @ pose[9:], camera=len(lenses)))
         lenses.append(Intrinsics(width, height, focal, focal, width / 2, height / 2, k1, k2))
     return lenses, images
-
-
-def _projected(
-    lenses: list[Intrinsics], images: list[Image], xyz: Floats, views: Observations
-) -> Observations:
-    xy = np.full((len(views.image), 2), np.nan)
-    for image in images:
-        rows = np.flatnonzero(views.image == image.frame)
-        place, inside = visible(lenses[image.camera], image, xyz[views.point[rows]])
-        xy[rows[inside]] = place[inside]
-    seen = np.isfinite(xy[:, 0])
-    return Observations(views.image[seen], views.point[seen], xy[seen])
 
 
 def _listed(path: Path, cameras: int) -> tuple[list[str], list[str]]:

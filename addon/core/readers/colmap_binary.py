@@ -11,7 +11,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ..base.errors import UserError
 from ..camera.distortion import PARAMETERS
 from ..camera.reconstruction import Intrinsics, Points
-from .colmap_tables import ImageRow, PointTable, Tables, contents, intrinsics_of, name_of, wrong
+from .colmap_tables import ImageRow, PointTable, Tables, contents, name_of, wrong
+from .poses import lens
 
 FILES = ("cameras.bin", "images.bin", "points3D.bin")
 MODELS = tuple(PARAMETERS)
@@ -84,9 +85,7 @@ def _cameras(path: Path) -> dict[int, Intrinsics]:
             raise wrong(place, f"a CAMERA_ID that no other camera has, not {key}")
         name = MODELS[model]
         layout = struct.Struct(f"<{len(PARAMETERS[name])}d")
-        cameras[key] = intrinsics_of(
-            place, name, width, height, cursor.take(layout, f"the parameters of {name}")
-        )
+        cameras[key] = lens(place, name, (width, height), cursor.take(layout, f"the parameters of {name}"))
     cursor.finish()
     return cameras
 

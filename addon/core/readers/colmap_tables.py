@@ -14,11 +14,10 @@ from ..base.errors import UserError
 from ..base.numbers import LARGEST
 from ..base.regular_file import read_regular
 from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
+from .parsing import LONGEST
 
 Longs = NDArray[np.int64]
 
-LONGEST = 2**32
-"""Most bytes of a file."""
 NO_POINT = -1
 """POINT3D_ID of a feature without a point; the same as 2^64 - 1 in binary files."""
 
@@ -66,16 +65,6 @@ class Tables:
 def wrong(place: str, expected: str) -> UserError:
     """Make the error for an unexpected value at a place in a file."""
     return UserError(f"{place}: expected {expected}")
-
-
-def intrinsics_of(place: str, model: str, width: int, height: int, values: Sequence[float]) -> Intrinsics:
-    """Call `Intrinsics.from_parameters`, and add the place to its errors."""
-    if not _usable(np.array(values, dtype=np.float64)).all():
-        raise wrong(place, f"camera parameters up to {LARGEST:g}")
-    try:
-        return Intrinsics.from_parameters(model, width, height, values)
-    except UserError as error:
-        raise UserError(f"{place}: {error}") from None
 
 
 def name_of(place: str, raw: bytes) -> str:

@@ -22,10 +22,10 @@ from .colmap_tables import (
     PointTable,
     Tables,
     contents,
-    intrinsics_of,
     name_of,
     wrong,
 )
+from .poses import lens
 
 FILES = ("cameras.txt", "images.txt", "points3D.txt")
 BATCH = 50_000
@@ -90,7 +90,7 @@ def _cameras(path: Path) -> dict[int, Intrinsics]:
         if key in cameras:
             raise wrong(place, f"a CAMERA_ID that no other camera has, not {key}")
         values = _floats(place, words[4:]).tolist()
-        cameras[key] = intrinsics_of(place, words[1].decode("latin-1"), width, height, values)
+        cameras[key] = lens(place, words[1].decode("latin-1"), (width, height), values)
     lines.finish("cameras", len(cameras))
     return cameras
 

@@ -1,9 +1,9 @@
-"""VisualSFM's N-view match files: NVM_V3, with FixedK, NVM_V3_R9T, and COLMAP's variant.
+"""VisualSFM's N-view match files: NVM_V3, with FixedK, and COLMAP's variant.
 
-Camera: focal length, world-to-camera quaternion w x y z and projection centre (R9T: rotation and
-translation), axes as ours. VisualSFM's features are relative to the principal point, and its radial parameter
-r undistorts, x_u = x_d (1 + r x_d^2) (Wu et al., "Multicore bundle adjustment", 2011). COLMAP writes absolute
-pixels, which are not negative, and -k1.
+Camera: focal length, world-to-camera quaternion w x y z and projection centre, axes as ours. VisualSFM's
+features are relative to the principal point, and its radial parameter r undistorts, x_u = x_d (1 + r x_d^2)
+(Wu et al., "Multicore bundle adjustment", 2011). COLMAP writes absolute pixels, which are not negative, and
+-k1.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import UserError
-from ..base.regular_file import open_regular
 from ..camera.reconstruction import Image, Intrinsics, matrix_from_quaternion
 from .building import (
     ACCURATE,
@@ -24,13 +23,14 @@ from .building import (
     check_size,
     observations_of,
     picture_size,
-    rotation_from,
     undistorting,
 )
 from .imported_model import ImportedModel
-from .parsing import Numbers, Text
+from .parsing import Numbers, Text, beginning
 
 FORMAT = "VisualSFM NVM"
+NUMBERS = 10
+"""Numbers of a camera after its name: focal length, quaternion, centre, radial distortion and 0."""
 NEGATIVE = 0.05
 """Largest share of negative coordinates in absolute pixels; relative to the principal point it is about half.
 """
@@ -41,19 +41,15 @@ inspection of imported models."""
 
 def recognises(path: Path) -> bool:
     """Return whether a file is an .nvm, by its suffix or first line."""
-    try:
-        with open_regular(path) as file:
-            start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip()
-    except OSError:
-        return False
-    return start.startswith(b"NVM_V") or path.suffix.lower() == ".nvm"
+    start = beginning(path)
+    return start is not None and (start.startswith(b"NVM_V") or path.suffix.lower() == ".nvm")
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     """Read the largest model of a file; see `Reader.read`. A listed picture's size has priority."""
     text = Text(path)
-    header = _header(text)
-    model, notes = _largest_model(text, header)
+    fixed = _fixed(text)
+    model, notes = _largest_model(text)
     if not model.cameras:
         raise UserError(f"{path} has no registered camera; solve the clip again")
     if not len(model.starts):
@@ -61,13 +57,13 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     columns = model.starts[:, None] + np.arange(3)
     xyz, rgb = model.numbers.values[columns], model.numbers.values[columns + 3]
     images = [replace(camera.image, camera=index) for index, camera in enumerate(model.cameras)]
-    observations, lost = observations_of(model.numbers, model.starts, 4, len(model.names), images)
+    observations, lost = observations_of(model.numbers, model.starts, len(model.names), images)
     size = picture_size(path.parent, list(model.names)) or size
-    point = np.array(header.fixed[1:4:2] if header.fixed else size) / (1 if header.fixed else 2)
+    point = np.array(fixed[1:4:2]) if fixed else np.array(size) / 2
     is_absolute = int(np.count_nonzero(observations.xy < 0)) <= NEGATIVE * observations.xy.size
     if is_absolute:
         notes.append("features are in absolute pixels, as COLMAP writes them")
-    lenses, converted = _lenses(text, header, model, point, is_absolute, size)
+    lenses, converted = _lenses(text, fixed, model, point, is_absolute, size)
     observations = replace(observations, xy=observations.xy + (0 if is_absolute else point))
     notes += [*lost, *converted, *check_size(path, size, observations.xy)]
     reconstruction = assemble(lenses, images, observations, xyz, rgb)
@@ -77,18 +73,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
             f"{path}: the points project {miss:.0f} pixels from their features in pictures of"
             f" {size[0]}x{size[1]}; give the footage that was solved"
         )
-    return ImportedModel(f"{FORMAT} ({header.version})", reconstruction, model.names, tuple(notes))
-
-
-@dataclass(frozen=True)
-class _Header:
-    version: str
-    fixed: tuple[float, float, float, float, float] | None
-    """fx, cx, fy, cy, r, shared by all cameras."""
-
-    @property
-    def pose_numbers(self) -> int:
-        return 12 if self.version == "NVM_V3_R9T" else 7
+    return ImportedModel(f"{FORMAT} (NVM_V3)", reconstruction, model.names, tuple(notes))
 
 
 @dataclass(frozen=True)
@@ -109,26 +94,25 @@ class _Model:
     """(points,) index of each point's first number."""
 
 
-def _header(text: Text) -> _Header:
+def _fixed(text: Text) -> list[float] | None:
+    """Return fx, cx, fy, cy and r of the header, shared by all cameras; None without FixedK."""
     words = text.demand("NVM_V3").split()
-    version = words.pop(0)
-    if version not in ("NVM_V3", "NVM_V3_R9T"):
-        raise text.wrong(f"NVM_V3 or NVM_V3_R9T, not {version[:40]!r}")
+    if (version := words.pop(0)) != "NVM_V3":
+        raise text.wrong(f"NVM_V3, not {version[:40]!r}")
     if not words:
         words = text.demand("the number of cameras").split()
         if words[0] != "FixedK":
             text.back()
-            return _Header(version, None)
+            return None
     if words[0] != "FixedK" or len(words) not in (5, 6):
         raise text.wrong("nothing after the version, or FixedK fx cx fy cy r")
-    values = [*text.row(words[1:], len(words) - 1, "numbers").tolist(), 0.0][:5]
-    fx, cx, fy, cy, radial = values
-    if not (fx > 0 and fy > 0):
+    fixed = [*text.row(words[1:], len(words) - 1, "numbers").tolist(), 0.0][:5]
+    if not (fixed[0] > 0 and fixed[2] > 0):
         raise text.wrong("FixedK with focal lengths greater than zero")
-    return _Header(version, (fx, cx, fy, cy, radial))
+    return fixed
 
 
-def _largest_model(text: Text, header: _Header) -> tuple[_Model, list[str]]:
+def _largest_model(text: Text) -> tuple[_Model, list[str]]:
     """Return the model with the most registered cameras, and notes."""
     best: _Model | None = None
     sizes: list[int] = []
@@ -137,8 +121,8 @@ def _largest_model(text: Text, header: _Header) -> tuple[_Model, list[str]]:
         # A list of PLY files may follow the models.
         if row is None or row == "0" or row.startswith("#"):
             break
-        count = text.count(row, "cameras", 2 * (header.pose_numbers + 4))
-        names, cameras = _cameras(text, header, count)
+        count = text.count(row, "cameras", 2 * (NUMBERS + 1))
+        names, cameras = _cameras(text, count)
         sizes.append(len(cameras))
         row = text.next()
         points = 0 if row is None else text.count(row, "points", 14)
@@ -155,33 +139,26 @@ def _largest_model(text: Text, header: _Header) -> tuple[_Model, list[str]]:
     return best, [note] if others else []
 
 
-def _cameras(text: Text, header: _Header, count: int) -> tuple[tuple[str, ...], list[_Camera]]:
-    none, nowhere = np.zeros((0, 2)), np.zeros(0, dtype=np.int32)
-    length = header.pose_numbers + 3
+def _cameras(text: Text, count: int) -> tuple[tuple[str, ...], list[_Camera]]:
     names: list[str] = []
     cameras: list[_Camera] = []
     for index in range(count):
         # From the right, because a name may have spaces.
-        parts = text.demand(f"camera {index + 1} of {count}").rsplit(maxsplit=length)
-        if len(parts) != length + 1:
-            raise text.wrong(f"a file name and {length} numbers")
-        values = text.row(parts[1:], length, f"{length} numbers")
+        parts = text.demand(f"camera {index + 1} of {count}").rsplit(maxsplit=NUMBERS)
+        if len(parts) != NUMBERS + 1:
+            raise text.wrong(f"a file name and {NUMBERS} numbers")
+        values = text.row(parts[1:], NUMBERS, f"{NUMBERS} numbers")
         # VisualSFM writes a space in a name as a quotation mark.
         names.append(parts[0].strip('"').replace('"', " "))
-        focal, pose = float(values[0]), values[1 : 1 + header.pose_numbers]
+        focal = float(values[0])
         if focal == 0:
             continue
         if focal < 0:
             raise text.wrong("a focal length greater than zero")
-        if header.pose_numbers == 12:
-            rotation = rotation_from(pose[:9].reshape(3, 3), text.wrong("a rotation of three rows"))
-            translation = pose[9:]
-        else:
-            if not np.linalg.norm(pose[:4]) > 1e-9:
-                raise text.wrong("a quaternion that is not zero")
-            rotation = matrix_from_quaternion(pose[:4])
-            translation = -rotation @ pose[4:]
-        image = Image(index, rotation, translation, none, nowhere)
+        if not np.linalg.norm(values[1:5]) > 1e-9:
+            raise text.wrong("a quaternion that is not zero")
+        rotation = matrix_from_quaternion(values[1:5])
+        image = Image(index, rotation, -rotation @ values[5:8])
         cameras.append(_Camera(image, focal, float(values[-2]), text.line))
     return tuple(names), cameras
 
@@ -205,13 +182,18 @@ def _model(text: Text, names: tuple[str, ...], cameras: list[_Camera], points: i
 
 
 def _lenses(
-    text: Text, header: _Header, model: _Model, point: Floats, is_absolute: bool, size: tuple[int, int]
+    text: Text,
+    fixed: list[float] | None,
+    model: _Model,
+    point: Floats,
+    is_absolute: bool,
+    size: tuple[int, int],
 ) -> tuple[list[Intrinsics], list[str]]:
     """Return the cameras' lenses with the principal point (2,), and notes on the error of conversion."""
     lenses: list[Intrinsics] = []
     worst = 0.0
     for camera in model.cameras:
-        fx, _, fy, _, radial = header.fixed or (camera.focal, 0.0, camera.focal, 0.0, camera.radial)
+        fx, _, fy, _, radial = fixed or (camera.focal, 0.0, camera.focal, 0.0, camera.radial)
         lens = Intrinsics(*size, fx, fy, float(point[0]), float(point[1]))
         if is_absolute or radial == 0:
             lenses.append(replace(lens, k1=-radial) if radial else lens)

@@ -15,14 +15,25 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..base.numbers import LARGEST, reals
-from ..base.regular_file import read_regular
+from ..base.regular_file import open_regular, read_regular
 
 SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
 """(256,) bytes that separate words."""
 LONGEST = 2**32
 """Most bytes of a file."""
+START = 1000
+"""Bytes by which a format is recognised."""
 CHUNK = 2**22
 """Bytes split into words at a time: words take ten times the memory of their text."""
+
+
+def beginning(path: Path) -> bytes | None:
+    """Return the first `START` bytes of a text without a byte order mark and blanks; None if unreadable."""
+    try:
+        with open_regular(path) as file:
+            return file.read(START).removeprefix(b"\xef\xbb\xbf").lstrip()
+    except OSError:
+        return None
 
 
 class Text:

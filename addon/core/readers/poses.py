@@ -10,13 +10,15 @@ import numpy as np
 from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..base.numbers import LARGEST
-from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
+from ..camera.reconstruction import NO_POINTS, Image, Intrinsics, Reconstruction, matrix_from_quaternion
 from .building import rotation_from
 
 OPENGL = np.diag([1.0, -1.0, -1.0])
 """Rotation from a camera that looks along -z with y up (OpenGL, Blender, nerfstudio, ARKit) to ours."""
 OPENCV = np.eye(3)
 """Rotation from a camera that looks along +z with y down to ours."""
+DIGITS = 3
+"""Digits of a pixel that distinguish the lenses of frames: a phone's focus changes constantly."""
 
 
 def finite(value: object, shape: tuple[int, ...], place: str, what: str) -> Floats:
@@ -35,6 +37,8 @@ def finite(value: object, shape: tuple[int, ...], place: str, what: str) -> Floa
 def lens(place: str, model: str, size: tuple[float, float], values: Sequence[float]) -> Intrinsics:
     """Call `Intrinsics.from_parameters`, and add the place to its errors."""
     width, height = size
+    if not np.all(np.abs(np.asarray(values, np.float64)) <= LARGEST):
+        raise UserError(f"{place}: expected camera parameters up to {LARGEST:g}")
     if not (width % 1 == 0 and height % 1 == 0):
         raise UserError(f"{place}: expected a size in whole pixels, not {width:g} x {height:g}")
     try:
@@ -43,9 +47,7 @@ def lens(place: str, model: str, size: tuple[float, float], values: Sequence[flo
         raise UserError(f"{place}: {error}") from None
 
 
-def cameras(
-    to_world: Floats, axes: Floats, lenses: Sequence[Intrinsics], place: str, first: int = 0
-) -> Reconstruction:
+def cameras(to_world: Floats, axes: Floats, lenses: Sequence[Intrinsics], place: str) -> Reconstruction:
     """Make a model without points from camera-to-world matrices; `Image.frame` is the row.
 
     Args:
@@ -53,22 +55,19 @@ def cameras(
         axes: (3, 3) rotation from the file's camera space to ours.
         lenses: One for each row.
         place: Place of a row for errors, with `{}` for its number.
-        first: Number of row 0.
 
     Raises:
         UserError: A matrix is not a rotation.
     """
     kinds: dict[Intrinsics, int] = {}
-    none, nowhere = np.zeros((0, 2)), np.zeros(0, dtype=np.int32)
     images = []
     for row, (matrix, seen_by) in enumerate(zip(to_world, lenses, strict=True)):
         expected = "expected a camera-to-world matrix of a rotation and a position"
-        problem = UserError(f"{place.format(row + first)}: {expected}")
+        problem = UserError(f"{place.format(row)}: {expected}")
         rotation = axes @ rotation_from(matrix[:3, :3], problem).T
         number = kinds.setdefault(seen_by, len(kinds))
-        images.append(Image(row, rotation, -rotation @ matrix[:3, 3], none, nowhere, number))
-    points = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
-    return Reconstruction(tuple(kinds), tuple(images), points)
+        images.append(Image(row, rotation, -rotation @ matrix[:3, 3], camera=number))
+    return Reconstruction(tuple(kinds), tuple(images), NO_POINTS)
 
 
 def to_world(quaternions: Floats, positions: Floats, place: Path) -> Floats:

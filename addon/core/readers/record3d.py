@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import zipfile
 import zlib
 from pathlib import Path
@@ -19,21 +18,19 @@ from typing import Any
 
 import numpy as np
 
-from ..base.atomic import PART, collect_orphans, owned
+from ..base.atomic import staged_folder
 from ..base.counting import counted
 from ..base.errors import UserError
 from ..base.regular_file import open_regular
 from ..media.sequence import is_litter
 from .imported_model import ImportedModel
-from .poses import OPENGL, cameras, finite, lens, to_world
+from .poses import DIGITS, OPENGL, cameras, finite, lens, to_world
 
 FORMAT = "Record3D"
 METADATA = "metadata"
 PICTURE = re.compile(r"rgbd/(\d{1,9})\.(jpg|jpeg|png)")
 MOST_METADATA, MOST_PICTURE = 2**28, 2**27
 """Bytes."""
-DIGITS = 3
-"""Digits of a pixel that distinguish the lenses of frames: the phone's focus changes constantly."""
 NO_DEPTH = "the recording's depth is packed as LZFSE, which cannot be read here: poses and pictures are taken"
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, KeyError)
 
@@ -57,16 +54,9 @@ def clip(path: Path) -> Path:
             if folder.exists():
                 _check_unpacked(folder, wanted, path)
                 return folder
-            collect_orphans(path.parent)
-            with owned(path.parent, PART) as name:
-                part = path.with_name(f"{name}-{folder.name}")
-                try:
-                    part.mkdir()
-                    for target, member in wanted.items():
-                        (part / target).write_bytes(_unpacked(archive, member, MOST_PICTURE))
-                    part.rename(folder)
-                finally:
-                    shutil.rmtree(part, ignore_errors=True)
+            with staged_folder(folder) as part:
+                for target, member in wanted.items():
+                    (part / target).write_bytes(_unpacked(archive, member, MOST_PICTURE))
     except _DAMAGED as error:
         raise UserError(f"{path} is damaged: {error}; copy it from the phone again") from None
     except OSError as error:

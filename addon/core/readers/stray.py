@@ -9,19 +9,18 @@ frame.
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Floats
-from ..base.atomic import PART, collect_orphans, owned
+from ..base.atomic import staged_folder
 from ..base.errors import UserError
 from ..base.numbers import LARGEST, reals
 from ..base.regular_file import is_regular, read_regular
 from .imported_model import ImportedModel
-from .poses import OPENCV, cameras, finite, lens, to_world
+from .poses import DIGITS, OPENCV, cameras, finite, lens, to_world
 
 FORMAT = "Stray Scanner"
 ODOMETRY, MATRIX, VIDEO = "odometry.csv", "camera_matrix.csv", "rgb.mp4"
@@ -32,8 +31,6 @@ SURE = 2
 """The phone's highest level of confidence."""
 ENOUGH = 0.5
 """Least confidence of valid depth: the phone's "medium", as in StrayVisualizer."""
-DIGITS = 3
-"""Digits of a pixel that distinguish the lenses of frames: the phone's focus changes constantly."""
 
 
 def recognises(path: Path) -> bool:
@@ -99,20 +96,13 @@ def write_depth(path: Path, folder: Path) -> Path | None:
     measured = sorted(int(file.stem) for file in (path / "depth").glob("*.png") if file.stem.isdecimal())
     if folder.exists() or not measured:
         return folder if folder.exists() else None
-    collect_orphans(folder.parent)
     try:
-        with owned(folder.parent, PART) as name:
-            part = folder.with_name(f"{name}-{folder.name}")
-            try:
-                part.mkdir()
-                for frame in measured:
-                    metres, confidence = depth(path, frame) or (np.zeros((1, 1)), np.zeros((1, 1)))
-                    sure = np.where(confidence >= ENOUGH, metres * 1000, 0).round().astype(np.uint16)
-                    # Maps are numbered from 1, as the video's frames are.
-                    (part / f"{frame + 1:06d}.png").write_bytes(cv2.imencode(".png", sure)[1].tobytes())
-                part.rename(folder)
-            finally:
-                shutil.rmtree(part, ignore_errors=True)
+        with staged_folder(folder) as part:
+            for frame in measured:
+                metres, confidence = depth(path, frame) or (np.zeros((1, 1)), np.zeros((1, 1)))
+                sure = np.where(confidence >= ENOUGH, metres * 1000, 0).round().astype(np.uint16)
+                # Maps are numbered from 1, as the video's frames are.
+                (part / f"{frame + 1:06d}.png").write_bytes(cv2.imencode(".png", sure)[1].tobytes())
     except OSError as error:
         raise UserError(f"{folder} cannot be written: {error.strerror}") from None
     return folder

@@ -16,29 +16,23 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arrays import Floats
-from ..base.regular_file import open_regular
 from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from .building import ACCURATE, rotation_from, undistorting, visible
+from .building import ACCURATE, rotation_from, undistorting
 from .imported_model import ImportedModel
-from .parsing import Text
+from .parsing import Text, beginning
+from .poses import lens
 
 FORMAT = "Voodoo text export"
 NUMBERS = 28
 MOST_SIGHTINGS = 10_000_000
 """Most points times frames; beyond it, every frame gets its share of the points."""
-LARGEST_PICTURE = 1_000_000
 DIGITS = 6
 """Digits of a pixel."""
 
 
 def recognises(path: Path) -> bool:
     """Return whether a file is Voodoo's export, by its first line."""
-    try:
-        with open_regular(path) as file:
-            start = file.read(1000).removeprefix(b"\xef\xbb\xbf").lstrip()
-    except OSError:
-        return False
-    return re.match(rb"#\s*text export", start, re.IGNORECASE) is not None
+    return re.match(rb"#\s*text export", beginning(path) or b"", re.IGNORECASE) is not None
 
 
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
@@ -74,7 +68,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
         )
         index, _ = lenses.setdefault(key, (len(lenses), intrinsics))
         pose = (rotation, -rotation @ values[:3])
-        images.append(Image(len(images), *pose, np.zeros((0, 2)), np.zeros(0, dtype=np.int32), index))
+        images.append(Image(len(images), *pose, camera=index))
         names.append(name)
         name = ""
     if not images:
@@ -96,7 +90,9 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     used = np.arange(0, len(xyz), step, dtype=np.int32)
     whole = []
     for image in images:
-        xy, inside = visible(cameras[image.camera], image, xyz[used])
+        camera, local = cameras[image.camera], image.to_camera(xyz[used])
+        xy = camera.project(local)
+        inside = (local[:, 2] > 0) & np.all((xy >= 0) & (xy <= [camera.width, camera.height]), axis=1)
         whole.append(replace(image, xy=xy[inside], points=used[inside]))
     points = Points(xyz, np.full(xyz.shape, 128, dtype=np.uint8), np.zeros(len(xyz)))
     return ImportedModel(
@@ -107,13 +103,6 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
 def _camera(text: Text, values: Floats) -> tuple[Intrinsics, Floats, float]:
     """Return lens, rotation, and the error of the converted distortion in pixels, from 28 numbers."""
     axis, across, down = values[3:6], values[6:9], values[9:12]
-    width, height = values[16:18]
-    if not (
-        width % 1 == 0
-        and height % 1 == 0
-        and 1 <= min(width, height) <= max(width, height) <= LARGEST_PICTURE
-    ):
-        raise text.wrong(f"a picture of 1 to {LARGEST_PICTURE} pixels across and down as numbers 17 and 18")
     problem = text.wrong("A, H and V of a camera: H and V across the viewing direction A of length 1")
     if not abs(np.linalg.norm(axis) - 1) < 1e-2:
         raise problem
@@ -128,7 +117,7 @@ def _camera(text: Text, values: Floats) -> tuple[Intrinsics, Floats, float]:
     centre = offset + values[16:18] / 2
     # The last printed digits of one lens vary from frame to frame.
     place = np.round([fx, fy, *centre], DIGITS).tolist()
-    camera = Intrinsics.from_parameters("PINHOLE", int(width), int(height), place)
+    camera = lens(f"{text.path}, line {text.line}", "PINHOLE", (values[16], values[17]), place)
     k3, k5, focal = values[12], values[13], values[20]
     if k3 == 0 and k5 == 0:
         return camera, rotation, 0.0

@@ -17,9 +17,10 @@ from ...core.base.arrays import Floats, Ints
 from ...core.base.counting import counted
 from ...core.base.errors import UserError
 from ...core.camera import distortion
-from ...core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from ...core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, nearest_rotation
 from ...core.media.clip import Footage, describe
 from ...core.media.video_frame import BlenderView
+from ...core.readers.building import ACCURATE, quotient
 from ...core.readers.matching import ONLY_TURNS, Imported, at_one_place
 from ..solve.camera import FLIP
 
@@ -35,8 +36,6 @@ GRAY = 128
 """The colour of points: tracks have none."""
 SAME_SHAPE = 0.01
 """By which the aspect of two pictures may differ: Blender rounds the sizes of proxies."""
-CLOSE = 0.01
-"""Pixels by which a lens model may stand in for another without a word."""
 TOO_FAR = 1.0
 """Pixels by which it is of no use."""
 
@@ -210,31 +209,25 @@ def _fitted(
     notes: list[str],
 ) -> Intrinsics:
     """The lens that sends rays (n, 2) where they are seen (n, 2), by linear least squares."""
-    square = (rays * rays).sum(axis=1)
-    largest = float(square.max())
-    if not np.isfinite(largest):
+    radius = np.linalg.norm(rays, axis=1)
+    if not np.isfinite(radius).all():
         raise UserError(f"the {model} lens distortion of the movie clip folds the picture; solve it again")
     straight = seen - distortion.Brown((0.0,), tangential).distort(rays) + rays
-    factor = (straight * rays).sum(axis=1) / np.maximum(square, 1e-300)
-    powers = (square / largest)[:, None] ** [1, 2, 3]
-    # factor = (1 + a . powers) / (1 + b . powers), times the lower side, in distances and not in ratios.
-    columns = square[:, None] ** 0.5 * np.concatenate([powers, -factor[:, None] * powers], axis=1)
+    along = (straight * rays).sum(axis=1) / np.maximum(radius, 1e-150)
     found = []
     # Terms besides the radius can make the lower side pass through zero: then the upper one alone.
-    for count in (3, 6):
-        terms = np.zeros(6)
-        terms[:count] = np.linalg.lstsq(columns[:, :count], square**0.5 * (factor - 1), rcond=1e-12)[0]
-        a1, a2, a3, b1, b2, b3 = (terms / np.tile(largest ** np.arange(1, 4), 2)).tolist()
+    for below in (0, 3):
+        a1, a2, a3, b1, b2, b3 = quotient(radius, along, 3, below).tolist()
         imitation = _rational(camera, (a1, a2, a3), (b1, b2, b3), tangential)
         missed = float(np.linalg.norm((imitation.distort(rays) - seen) * camera.focal, axis=1).max())
-        found.append((missed if np.isfinite(missed) else np.inf, count, imitation))
+        found.append((missed if np.isfinite(missed) else np.inf, below, imitation))
     missed, _, best = min(found)
     if not missed < TOO_FAR:
         raise UserError(
             f"the {model} lens distortion of the movie clip can only be matched to within {missed:.2f}"
             " pixels; solve it with the Polynomial or Division model"
         )
-    if missed > CLOSE:
+    if missed > ACCURATE:
         notes.append(f"the {model} lens distortion is matched to within {missed:.3f} pixels")
     return best
 
@@ -305,18 +298,12 @@ def _images(
         if camera.frame not in numbers:
             continue
         matrix = np.array(camera.matrix, dtype=np.float64)
-        rotation = FLIP @ _nearest_rotation(matrix[:3, :3]).T
+        rotation = FLIP @ nearest_rotation(matrix[:3, :3]).T
         here = seen_in == camera.frame
         images.append(
             Image(numbers[camera.frame], rotation, -rotation @ matrix[:3, 3], places[here], point[here])
         )
     return tuple(sorted(images, key=lambda image: image.frame))
-
-
-def _nearest_rotation(matrix: Floats) -> Floats:
-    """(3, 3) without the rounding of single precision."""
-    left, _, right = np.linalg.svd(matrix)
-    return np.asarray(left @ right)
 
 
 def _measured(camera: Intrinsics, images: tuple[Image, ...], bundles: Floats) -> Reconstruction:

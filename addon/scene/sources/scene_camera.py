@@ -15,10 +15,9 @@ import numpy as np
 
 from ...core.base.arrays import Floats
 from ...core.base.errors import UserError
-from ...core.camera.reconstruction import Image, Intrinsics
+from ...core.camera.reconstruction import NO_POINTS, Image, Intrinsics, Reconstruction, nearest_rotation
 from ...core.media.clip import Footage
 from ...core.readers.matching import SAME_ASPECT, Imported
-from ...core.sfm.mapping.known_cameras import bare
 from ..base.timeline import go_to
 from ..solve.camera import FLIP
 
@@ -67,16 +66,13 @@ def read_scene_camera(
     for frame, sight in sights.items():
         lens = _intrinsics(camera, sight.projection, footage)
         number = lenses.setdefault(lens, len(lenses))
-        images.append(
-            Image(
-                frame - offset, sight.rotation, -sight.rotation @ sight.centre, np.zeros((0, 2)),
-                np.zeros(0, dtype=np.int32), number,
-            )
-        )  # fmt: skip
+        translation = -sight.rotation @ sight.centre
+        images.append(Image(frame - offset, sight.rotation, translation, camera=number))
     scale = scene.unit_settings.scale_length
     if abs(scale - 1) > 1e-6:
         notes.append(f"lengths are in scene units of {scale:g} m")
-    return Imported(bare(tuple(images), tuple(lenses)), FORMAT, tuple(notes), placed=True)
+    model = Reconstruction(tuple(lenses), tuple(images), NO_POINTS)
+    return Imported(model, FORMAT, tuple(notes), placed=True)
 
 
 def _shape(scene: bpy.types.Scene, footage: Footage) -> tuple[tuple[int, int, float, float], list[str]]:
@@ -149,8 +145,7 @@ def _rotation(camera: bpy.types.Object, axes: Floats, frame: int) -> Floats:
             f"the camera {camera.name} is mirrored or skewed at frame {frame}; apply its scale, and its"
             " parents' (Object > Apply > Scale)"
         )
-    left, _, right = np.linalg.svd(axes)
-    return np.asarray(left @ right)
+    return nearest_rotation(axes)
 
 
 def _intrinsics(camera: bpy.types.Object, projection: Floats, footage: Footage) -> Intrinsics:

@@ -13,21 +13,13 @@ import numpy as np
 
 from ...base.arrays import Ints
 from ...camera.intrinsics import Intrinsics
-from ...camera.reconstruction import Image, Points, Reconstruction, seen_by
+from ...camera.reconstruction import NO_POINTS, Image, Points, Reconstruction, seen_by
 
 CELLS = (24, 16)
 """Across and down a picture, of each of which one point is enough for focus and range. Chosen by
 inspection."""
 MOST_POINTS = 20_000
 """Most points of an unobserved cloud. Chosen by inspection."""
-
-
-def bare(images: tuple[Image, ...], lenses: tuple[Intrinsics, ...]) -> Reconstruction:
-    """Return cameras alone, without observations."""
-    none, nowhere = np.zeros((0, 2)), np.zeros(0, dtype=np.int32)
-    stripped = (Image(i.frame, i.rotation, i.translation, none, nowhere, i.camera) for i in images)
-    points = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
-    return Reconstruction(lenses, tuple(sorted(stripped, key=lambda image: image.frame)), points)
 
 
 def write_cameras(path: Path, cameras: Reconstruction) -> None:
@@ -43,13 +35,12 @@ def write_cameras(path: Path, cameras: Reconstruction) -> None:
 def read_cameras(path: Path) -> Reconstruction:
     """Read the file of `write_cameras`."""
     read = json.loads(path.read_text(encoding="utf-8"))
-    none, nowhere = np.zeros((0, 2)), np.zeros(0, dtype=np.int32)
     images = tuple(
-        Image(frame, np.array(rotation), np.array(translation), none, nowhere, camera)
+        Image(frame, np.array(rotation), np.array(translation), camera=camera)
         for frame, camera, rotation, translation in read["images"]
     )
     lenses = tuple(Intrinsics(**{**lens, "terms": tuple(lens["terms"])}) for lens in read["lenses"])
-    return bare(images, lenses)
+    return Reconstruction(lenses, images, NO_POINTS)
 
 
 def thinned(cloud: Reconstruction) -> Reconstruction:
