@@ -17,6 +17,7 @@ import numpy as np
 from ...core.base import limits
 from ...core.base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map
 from ...core.base.errors import UserError
+from ...core.base.npz import read_whole, write_whole
 from ...core.camera.reconstruction import Intrinsics
 from ...scene.base.timeline import go_to
 from ...scene.cg_objects import cg_objects, has_shadows, split_by_depth
@@ -60,15 +61,15 @@ class Wanted:
         """Into a file of arrays, which appears whole."""
         pinhole = self.pinhole
         numbers = pinhole.width, pinhole.height, pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy
-        _write(path, {
-            "layer": np.array(self.layer), "frame": np.array(self.frame), "pinhole": np.array(numbers),
-            "margin": np.array(self.margin), "plate": self.plate,
-        })  # fmt: skip
+        write_whole(
+            path, layer=np.array(self.layer), frame=np.array(self.frame), pinhole=np.array(numbers),
+            margin=np.array(self.margin), plate=self.plate,
+        )  # fmt: skip
 
     @classmethod
     def read(cls, path: Path) -> Wanted:
         """Read the file of `write`."""
-        held = _read(path)
+        held = read_whole(path)
         width, height, *rest = held["pinhole"].tolist()
         pinhole = Intrinsics(int(width), int(height), *rest)
         return cls(str(held["layer"]), int(held["frame"]), pinhole, int(held["margin"]), held["plate"])
@@ -90,24 +91,12 @@ class Layers:
 
     def write(self, path: Path) -> None:
         """Into a file of arrays, which appears whole."""
-        _write(path, {field.name: getattr(self, field.name) for field in fields(self)})
+        write_whole(path, **{field.name: getattr(self, field.name) for field in fields(self)})
 
     @classmethod
     def read(cls, path: Path) -> Layers:
         """Read the file of `write`."""
-        return cls(**_read(path))
-
-
-def _write(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    part = path.with_suffix(".part")
-    with part.open("wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
-    part.replace(path)
-
-
-def _read(path: Path) -> dict[str, np.ndarray]:
-    with np.load(path, allow_pickle=False) as held:
-        return {name: held[name] for name in held.files}
+        return cls(**read_whole(path))
 
 
 def serve(scene: bpy.types.Scene, folder: Path, is_preview: bool) -> None:

@@ -30,6 +30,7 @@ from ...core.base.atomic import temporary_folder
 from ...core.base.errors import UserError
 from ...core.base.file_lock import FileLock
 from ...core.base.job import Job, end_meanwhile
+from ...core.base.npz import read_whole, write_whole
 from ...core.base.progress import checkpoint
 from ...scene.gpu import main_thread
 from ..views import render_handlers
@@ -94,19 +95,14 @@ class SharedFrames:
 
     def put(self, frame: int, drawn: DrawnFrame) -> None:
         """Have a frame wait to be taken. Raises OSError."""
-        part = self._path(frame, "part")
-        with part.open("wb") as file:
-            np.savez(file, allow_pickle=False, notes=np.array(drawn.notes, str), **drawn.pictures)
-        part.replace(self._path(frame, "npz"))
+        write_whole(self._path(frame, "npz"), notes=np.array(drawn.notes, str), **drawn.pictures)
 
     def take(self, frame: int) -> DrawnFrame:
         """Return a frame that waits, which is gone then. Raises OSError."""
         path = self._path(frame, "npz")
-        with np.load(path, allow_pickle=False) as held:
-            pictures = {name: held[name] for name in held.files if name != "notes"}
-            notes = tuple(map(str, held["notes"]))
+        pictures = read_whole(path)
         path.unlink()
-        return DrawnFrame(pictures, notes)
+        return DrawnFrame(pictures, tuple(map(str, pictures.pop("notes"))))
 
     def _path(self, frame: int, end: str) -> Path:
         return self.folder / f"frame-{frame:06d}.{end}"
