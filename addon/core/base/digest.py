@@ -19,7 +19,7 @@ from pathlib import Path
 from . import atomic
 from .errors import UserError
 from .progress import checkpoint
-from .regular_file import open_regular, read_regular, regular_stat
+from .regular_file import open_regular, read_object, regular_stat
 
 LARGE = 64 << 20
 """Bytes. Larger files are not read in a panel, and their digest is kept on disk. Read in 0.1 s."""
@@ -122,11 +122,10 @@ def _store() -> Path:
 
 def _kept() -> dict[str, str]:
     """Read the kept digests by `Files._key`, the oldest first; none if the file cannot be read."""
-    try:
-        kept = json.loads(read_regular(_store(), 1 << 20))
-    except (OSError, ValueError, RecursionError, RuntimeError):  # RuntimeError: no home folder
-        return {}
-    return kept if isinstance(kept, dict) and all(isinstance(one, str) for one in kept.values()) else {}
+    kept: dict[str, str] = {}
+    with contextlib.suppress(RuntimeError):  # no home folder
+        kept = read_object(_store(), 1 << 20)
+    return kept if all(isinstance(one, str) for one in kept.values()) else {}
 
 
 def _keep(key: str, digest: str) -> None:

@@ -14,7 +14,7 @@ from types import TracebackType
 
 from .errors import UserError
 from .processes import host_name, is_gone, process_table
-from .regular_file import is_regular, read_regular
+from .regular_file import is_regular, read_object
 
 HELD = {errno.EACCES, errno.EAGAIN, errno.EDEADLK}
 """Error numbers for a lock that another process holds."""
@@ -115,12 +115,8 @@ def is_abandoned(lock: Path, table: str, pid: int) -> bool:
 
 
 def owner_of(lock: Path) -> dict[str, object]:
-    """Read the owner that a lock file names; empty if it cannot be read."""
-    try:
-        return dict(json.loads(read_regular(lock, LONGEST)))
-    except (OSError, ValueError, TypeError):
-        # It was just released, or is being written.
-        return {}
+    """Read the owner that a lock file names; empty if it was just released, or is being written."""
+    return read_object(lock, LONGEST)
 
 
 def _lock(file: int) -> None:

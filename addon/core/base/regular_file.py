@@ -6,10 +6,11 @@ Pipes wait for a writer, devices such as /dev/zero never end, and a size within 
 from __future__ import annotations
 
 import errno
+import json
 import os
 import stat
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 _KINDS = (
     (stat.S_ISFIFO, "it is a pipe, not a file"),
@@ -47,6 +48,15 @@ def read_regular(path: Path, most: int | None = None) -> bytes:
         if most is not None and size > most:
             raise OSError(errno.EFBIG, f"it has {size} bytes, {most} at most were expected", str(path))
         return file.read(size)
+
+
+def read_object(path: Path, most: int | None = None) -> dict[str, Any]:
+    """Return the object in a JSON file of at most `most` bytes; empty if there is none."""
+    try:
+        held = json.loads(read_regular(path, most))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return held if isinstance(held, dict) else {}
 
 
 def is_regular(path: Path) -> bool:

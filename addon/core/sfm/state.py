@@ -10,8 +10,7 @@ from typing import Any
 from ..base import atomic
 from ..base.digest import file_digest
 from ..base.errors import Remedy, UserError
-from ..base.regular_file import read_regular
-from ..media.clip_identity import is_same_clip
+from ..base.regular_file import read_object, read_regular
 
 STATE = "solve.json"
 MODEL = "model"
@@ -64,11 +63,8 @@ def read_state(work_dir: Path) -> dict[str, Any] | None:
 
 def is_state_file(path: Path) -> bool:
     """Return whether a file is a state file, wherever it lies, or has its name."""
-    try:
-        held = json.loads(read_regular(path))
-    except (OSError, ValueError, RecursionError):
-        held = None
-    is_one = isinstance(held, dict) and all(isinstance(held.get(name), kind) for name, kind in _TYPES.items())
+    held = read_object(path)
+    is_one = all(isinstance(held.get(name), kind) for name, kind in _TYPES.items())
     return is_one or (path.name == STATE and (path.parent / MODEL).is_dir())
 
 
@@ -115,15 +111,6 @@ def check_model(model: Path, state: dict[str, Any]) -> None:
                 " import your changes into another folder",
                 Remedy.AGAIN,
             )
-
-
-def is_state_of(state: dict[str, Any], clip: Path) -> bool:
-    """Return whether a state belongs to a solve of this very clip.
-
-    Raises:
-        UserError: The clip cannot be read.
-    """
-    return is_same_clip(clip, state["identity"])
 
 
 def recorded_places(work_dir: Path, state: dict[str, Any]) -> list[Path]:

@@ -23,7 +23,7 @@ from ..base.file_names import checked_name
 from ..base.npz import read_arrays
 from ..camera.reconstruction import Reconstruction, upright
 from ..media.clip import Footage, FrameRange, open_footage
-from ..media.clip_identity import identity
+from ..media.clip_identity import identity, is_same_clip
 from ..media.find_clip import clip_exists
 from ..media.video import first_frame
 from ..media.video_info import VideoInfo
@@ -31,7 +31,7 @@ from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
 from .mapping.report import Report, report
 from .staging import Staging, recover
-from .state import MODEL, STATE, UnusableStateError, check_model, is_state_of, read_state, recorded_places
+from .state import MODEL, STATE, UnusableStateError, check_model, read_state, recorded_places
 
 VISIBLE = "visible.npz"
 """Frames and points that are visible, but not tracked, beside the model."""
@@ -135,7 +135,7 @@ def _clip_of(work_dir: Path, state: dict[str, Any], clip: Path | None) -> Path:
     places = [*([clip] if clip is not None else []), *recorded_places(work_dir, state)]
     there = [place for place in places if clip_exists(place)]
     for place in there:
-        if is_state_of(state, place):
+        if is_same_clip(place, state["identity"]):
             return place
     if there:
         raise UserError(
@@ -294,7 +294,7 @@ def _state_of(work_dir: Path, footage: Footage) -> dict[str, Any] | None:
                 f"{work_dir} is not empty and holds no solve; choose another folder", Remedy.WORK_DIR
             )
         return None
-    if not is_state_of(state, footage.path):
+    if not is_same_clip(footage.path, state["identity"]):
         if footage.path.resolve() in [place.resolve() for place in recorded_places(work_dir, state)]:
             raise _ClipReplacedError(
                 f"{footage.path} is no longer the clip that was solved in {work_dir}: it was changed or"

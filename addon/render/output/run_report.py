@@ -13,7 +13,7 @@ import cv2
 from ...core.base.atomic import staged
 from ...core.base.errors import Remedy, UserError
 from ...core.base.file_names import check_file
-from ...core.base.regular_file import read_regular
+from ...core.base.regular_file import read_object
 from ...core.frame.frame_path import Drawn
 from ...core.frame.inspection import Shown, pictures
 from ...core.frame.report import FrameReport, Used, frame_report, summary
@@ -36,8 +36,8 @@ def check_report(path: Path, overwrite: bool) -> None:
     check_file(path)
     if not path.exists() or _is_ours(path):
         return
-    if is_state_file(path) or JOB in _held(path):
-        what = "a farm's job" if JOB in _held(path) else "what a working folder says of its solve"
+    if is_state_file(path) or JOB in read_object(path):
+        what = "a farm's job" if JOB in read_object(path) else "what a working folder says of its solve"
         raise UserError(f"{path} is {what}, which a report must not replace; choose another file")
     if not overwrite:
         raise UserError(
@@ -47,16 +47,7 @@ def check_report(path: Path, overwrite: bool) -> None:
 
 
 def _is_ours(path: Path) -> bool:
-    return _held(path).get("kind") == KIND
-
-
-def _held(path: Path) -> dict[str, Any]:
-    """The object in a JSON file; empty without one."""
-    try:
-        held = json.loads(read_regular(path))
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return held if isinstance(held, dict) else {}
+    return bool(read_object(path).get("kind") == KIND)
 
 
 class RunReport:
@@ -74,7 +65,7 @@ class RunReport:
             return
         # A solve may have been put there since.
         check_report(path, overwrite)
-        held = _held(path) if _is_ours(path) else {}
+        held = read_object(path) if _is_ours(path) else {}
         if held.get("key") == key:
             self._reports = _entries(held)
         elif not overwrite:
@@ -97,7 +88,7 @@ class RunReport:
         """Make the entries of another file of reports, where it is there, this one's."""
         if self._path is None or not _is_ours(path):
             return
-        self._reports |= _entries(_held(path))
+        self._reports |= _entries(read_object(path))
         self._write(self._path)
 
     def lacks(self, frames: list[int]) -> list[int]:

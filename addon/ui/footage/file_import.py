@@ -11,10 +11,11 @@ import bpy
 
 from ...core.base.errors import UserError
 from ...core.media.clip import Footage
+from ...core.media.clip_identity import is_same_clip
 from ...core.media.find_clip import is_clip
 from ...core.media.picture_file import PICTURES
 from ...core.readers.matching import Imported
-from ...core.sfm.state import STATE, is_state_of, read_state
+from ...core.sfm.state import STATE, read_state
 from ...scene.base.paths import absolute
 from ...scene.lens.lens import is_in_focus
 from ...scene.sources.clip import work_dir
@@ -159,7 +160,7 @@ def folder_for(settings: bpy.types.PropertyGroup, clip: Path) -> str:
         return ""
     folder = work_dir(settings, clip)
     state = read_state(folder) if (folder / STATE).exists() else None
-    return "" if state is not None and not is_state_of(state, clip) else str(settings.work_dir)
+    return "" if state is not None and not is_same_clip(clip, state["identity"]) else str(settings.work_dir)
 
 
 class _OnViewport:
