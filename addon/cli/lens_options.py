@@ -159,11 +159,7 @@ def read_lens(file: Path, options: argparse.Namespace) -> None:
                 raise UserError("there is no such option")
             if name in FRAME_OPTIONS:
                 FRAME_OPTIONS[name].check(value)
-            setattr(
-                options,
-                name,
-                file.absolute().parent / value if name in ("depth", "mask", "repair") else value,
-            )
+            setattr(options, name, file.absolute().parent / value if name in PATHS else value)
         except (UserError, TypeError) as error:
             raise UserError(f"{file}: {name} cannot be {value!r}: {error}") from None
     try:

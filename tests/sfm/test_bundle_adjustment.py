@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from addon.core.camera.reconstruction import rotation_matrix
 from addon.core.sfm.adjustment import small_motion
 from addon.core.sfm.adjustment.bundle import Bundle, Observations
-from addon.core.sfm.adjustment.bundle_adjustment import AdjustmentOptions, adjust
+from addon.core.sfm.adjustment.bundle_adjustment import adjust
 from addon.core.sfm.adjustment.normal_equations import pose_derivatives
 from addon.core.sfm.tracking.tracks import Tracks
 
@@ -93,7 +93,7 @@ def test_a_lens_that_zooms_is_found_frame_by_frame() -> None:
     bundle, seen = scene(turn=0.03, path=1.0)
     true = FOCAL * np.linspace(0.9, 1.3, len(bundle.focal))
     seen = replace(seen, xy=seen.xy * true[seen.frame, None] / FOCAL)
-    found = adjust(bundle, seen, 1.0, "each", tie=1e-3, options=AdjustmentOptions(steps=200))
+    found = adjust(bundle, seen, 1.0, "each", tie=1e-3, steps=200)
     np.testing.assert_allclose(found.bundle.focal / found.bundle.focal.mean(), true / true.mean(), rtol=2e-3)
 
 
@@ -116,9 +116,7 @@ def test_the_focal_lengths_uncertainty_is_that_of_repeated_trials(lasting: bool)
         if lasting:
             noise = np.cumsum(noise, axis=0) / 3
         error = noise[seen.frame, seen.point]
-        result = adjust(
-            bundle, replace(seen, xy=seen.xy + error), 3.0, "common", options=AdjustmentOptions(steps=20)
-        )
+        result = adjust(bundle, replace(seen, xy=seen.xy + error), 3.0, "common", steps=20)
         found.append(np.log(result.bundle.focal[0] / FOCAL))
         said.append(result.focal_sigma)
     spread, typical = float(np.std(found)), float(np.mean(said))

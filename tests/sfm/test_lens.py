@@ -24,7 +24,7 @@ from addon.core.sfm.adjustment import resection, solution
 from addon.core.sfm.adjustment.solution import Solution
 from addon.core.sfm.calibration import lens
 from addon.core.sfm.calibration.lens import Found, find_lens, said
-from addon.core.sfm.calibration.self_calibration import CalibrationOptions, refine_focal_length
+from addon.core.sfm.calibration.self_calibration import refine_focal_length
 from addon.core.sfm.mapping import report
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.tracking.tracks import Tracks
@@ -109,11 +109,11 @@ class Hand:
         wide = replace(made, largest_error=40.0)
         solution.triangulate(wide)
         solution.drop_bad(wide)
-        refine_focal_length(wide, START, KNOWN, CalibrationOptions(longest=300))
+        refine_focal_length(wide, START, KNOWN)
         made = replace(wide, largest_error=solution.LARGEST_ERROR)
         solution.triangulate(made)
         solution.drop_bad(made)
-        refine_focal_length(made, START, KNOWN, CalibrationOptions(longest=300))
+        refine_focal_length(made, START, KNOWN)
         solution.triangulate(made)
         solution.drop_bad(made)
         return made

@@ -74,7 +74,7 @@ class Filmed:
         made = solution.empty(self.tracks, FOCAL, largest_error=30)
         made.focal[:], made.rotation[:], made.translation[:] = self.focal, self.rotation, self.translation
         solution.triangulate(made)
-        bundle, seen, posed, kept = self_calibration.as_bundle(made, self_calibration.CalibrationOptions())
+        bundle, seen, posed, kept = self_calibration.as_bundle(made)
         self_calibration.put_back(made, adjust(bundle, seen, 1.0).bundle, posed, kept)
         depth = stationary.depth_evidence(made)
         assert depth is not None

@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, LinearRGBA, Map, Mask
+from ..base.arrays import Floats, LinearRGBA, Map
 from ..base.errors import UserError
 from .intrinsics import Intrinsics
 from .smooth_places import SmoothPlaces
@@ -73,12 +73,6 @@ class Canvas:
         away = np.arctan(radius) + self.camera.most_read_away
         moved = np.where(away < np.pi / 2, np.tan(away), np.inf) - radius
         return float(moved.max() * self.camera.focal.max())
-
-    def mask_to_source(self, mask: Mask) -> Mask:
-        """Return a mask (h, w) of the canvas as the source frame (H, W) has it, with its distortion."""
-        if not self.camera.is_distorted:
-            return mask
-        return np.asarray(self.to_source(mask.astype(np.float32)) > 0.5)
 
     def features_from_source(self, xy: Floats) -> Floats:
         """Source pixels (n, 2) -> canvas pixels (n, 2)."""

@@ -106,7 +106,6 @@ def _solve(job: dict[str, Any]) -> None:
     report |= {
         "frames": len(footage.frames),
         "stills": footage.is_stills,
-        "size": [footage.width, footage.height],
         "fps": footage.fps,
         "versions": incremental_mapping.versions(),
         "seconds": round(time.monotonic() - began, 1),
@@ -146,7 +145,6 @@ def _solve_photos(footage: Footage, job: dict[str, Any], folder: Path) -> dict[s
         "method": "stills",
         "tracker": "sift",
         "notes": [*footage.notes, *notes],
-        "triangulation_angle": placed.angle,
     }
 
 
@@ -238,7 +236,6 @@ def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, may_stay: boo
         "parallax": mapped.parallax,
         "depth_evidence": asdict(mapped.depth_evidence) if mapped.depth_evidence else None,
         "weak_depth": mapped.weak_depth,
-        "triangulation_angle": mapped.angle,
         # A zoom's lens, and that of a camera that stays, are not looked for.
         **({} if mapped.zooms or mapped.method == STAYS else lens.said(mapped.lens, result.cameras[0].fx)),
     }

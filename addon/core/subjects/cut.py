@@ -10,11 +10,10 @@ import numpy as np
 from ..base.arrays import Bytes, Map, Mask
 from ..base.global_smoother import globally_smoothed
 from ..base.progress import checkpoint
-from .flow import change_of_size
+from .flow import INLIER, change_of_size
 from .networks import Networks, log_odds
 from .odds import (
     CROP,
-    INLIER,
     OUTSIDE,
     Box,
     Colours,

@@ -16,15 +16,9 @@ from .bundle import Bundle, Observations, cost_of
 from .distortion import SIGMA
 from .normal_equations import Groups, System, normal_equations, summed
 
-
-@dataclass(frozen=True)
-class AdjustmentOptions:
-    """When an adjustment ends. Chosen by inspection."""
-
-    steps: int = 60
-    """Steps of Levenberg's and Marquardt's method at most, rejected ones included."""
-    settled: float = 1e-7
-    """Relative fall of the cost in one step at which it is enough."""
+STEPS, SETTLED = 60, 1e-7
+"""Most steps of an adjustment, rejected ones included, and relative fall of the cost in one at which it ends.
+Chosen by inspection."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +28,6 @@ class Adjusted:
     bundle: Bundle
     cost: float
     """Sum of the robust squared errors, in pixels squared."""
-    error: float
-    """Root mean square of the robust residuals, per coordinate, in pixels."""
     influence: Floats
     """(m, n) influence of each observation on the common parameters: the logarithm of a common focal length,
     then the distortion's parameters, 0 for held ones. Not finite if they are undetermined; (m, 0) without
@@ -70,7 +62,8 @@ def adjust(
     loss: float,
     free_focal: str = "held",
     tie: float = 0.0,
-    options: AdjustmentOptions = AdjustmentOptions(),
+    settled: float = SETTLED,
+    steps: int = STEPS,
 ) -> Adjusted:
     """Adjust all poses and points by Levenberg and Marquardt, with Huber's loss.
 
@@ -84,7 +77,8 @@ def adjust(
         free_focal: "held", "common" (one factor for all frames) or "each" (one for each frame).
         tie: Cost of a change between neighbours with "each", in pixels squared for the square of its
             logarithm.
-        options: Limits.
+        settled: Relative fall of the cost in a step at which the adjustment ends.
+        steps: Most steps, rejected ones included.
     """
     frames = len(bundle.focal)
     extra = {"held": 0, "common": 1, "each": frames}[free_focal]
@@ -93,7 +87,7 @@ def adjust(
     points = Groups.of(seen.point, len(bundle.points))
     damping = 1e-4
     system = normal_equations(bundle, seen, points, loss, extra, tie)
-    for _ in range(options.steps):
+    for _ in range(steps):
         step = _solved(system, damping)
         if step is not None:
             moved = _moved(bundle, system.basis, *step, extra)
@@ -102,16 +96,14 @@ def adjust(
                 fallen = (system.cost - cost) / max(system.cost, 1e-300)
                 bundle, damping = moved, max(damping / 8, 1e-10)
                 system = normal_equations(bundle, seen, points, loss, extra, tie)
-                if fallen < options.settled:
+                if fallen < settled:
                     break
                 continue
         damping *= 6
         if damping > 1e8:
             break
-    count = max(2 * len(seen.frame) - 6 * frames - 3 * len(bundle.points), 1)
-    error = float(np.sqrt(system.cost / count))
     influence, back = _influence(system, seen, frames), np.argsort(order)
-    return Adjusted(bundle, system.cost, error, influence[back], seen.point[back])
+    return Adjusted(bundle, system.cost, influence[back], seen.point[back])
 
 
 def _solved(system: System, damping: float) -> tuple[Floats, Floats] | None:

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...base.arrays import Floats, Ints
-from ..tracking.degeneracy import kabsch
+from ..tracking.degeneracy import kabsch, unit_rays
 from ..tracking.tracks import Tracks
 from .bundle import Bundle, Observations
 from .bundle_adjustment import Adjusted, adjust
@@ -65,8 +65,7 @@ def select_observations(
 def rotation_only(span: LongTracks, focal: float) -> Adjusted:
     """Cameras that only turn, and points infinitely far, for a focal length in pixels."""
     seen = span.seen
-    rays = np.column_stack([seen.xy / focal, np.ones(len(seen.xy))])
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    rays = unit_rays(seen.xy / focal)
     rotation = _chained(span, rays)
     towards = np.zeros((len(span.tracks), 3))
     np.add.at(towards, seen.point, np.einsum("mji,mj->mi", rotation[seen.frame], rays))
@@ -105,7 +104,12 @@ def agreement(seen: Observations, bundle: Bundle) -> float | None:
     both = np.all(np.isfinite(halves), axis=0)
     if both.sum() < MIN_COMMON:
         return None
-    first, second = (np.argsort(np.argsort(each[both])).astype(np.float64) for each in halves)
+    return rank_correlation(*(each[both] for each in halves))
+
+
+def rank_correlation(a: Floats, b: Floats) -> float:
+    """Return Spearman's correlation of two series (n,), without ties."""
+    first, second = (np.argsort(np.argsort(each)).astype(np.float64) for each in (a, b))
     return float(np.corrcoef(first, second)[0, 1])
 
 

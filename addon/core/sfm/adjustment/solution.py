@@ -189,8 +189,8 @@ def drop_bad(solution: Solution) -> None:
     solution.used &= np.isfinite(solution.xyz[tracks.track, 0])
 
 
-def drop_shallow(solution: Solution) -> float:
-    """Take out points whose outermost rays enclose too small an angle; median degrees of the others.
+def drop_shallow(solution: Solution) -> None:
+    """Take out points whose outermost rays enclose too small an angle.
 
     In a clip where all angles are small, those that are small beside the others.
     """
@@ -204,26 +204,27 @@ def drop_shallow(solution: Solution) -> float:
     median = float(np.median(angle[placed])) if placed.any() else 0.0
     solution.xyz[~(angle >= min(MIN_ANGLE, median / 3))] = np.nan
     solution.used &= np.isfinite(solution.xyz[tracks.track, 0])
-    kept = angle[np.isfinite(solution.xyz[:, 0])]
-    return float(np.median(kept)) if len(kept) else 0.0
+
+
+def kept_points(solution: Solution) -> tuple[Points, Ints, Mask]:
+    """Return points with `MIN_VIEWS` used observations, their numbers by track, and the observations (m,)."""
+    tracks, used = solution.tracks, solution.used
+    views = np.bincount(tracks.track[used], minlength=tracks.count)
+    kept = np.isfinite(solution.xyz[:, 0]) & (views >= MIN_VIEWS)
+    total = np.bincount(tracks.track[used], weights=solution.errors()[used], minlength=tracks.count)
+    points = Points(solution.xyz[kept], tracks.rgb[kept], total[kept] / views[kept])
+    return points, (np.cumsum(kept) - 1).astype(np.int32), used & kept[tracks.track]
 
 
 def collect(solution: Solution) -> Reconstruction:
     """Return the solution as our own type, points numbered anew."""
-    tracks, used = solution.tracks, solution.used
-    count = tracks.count
-    views = np.bincount(tracks.track[used], minlength=count)
-    kept = np.isfinite(solution.xyz[:, 0]) & (views >= MIN_VIEWS)
-    number = np.cumsum(kept) - 1
-    total = np.bincount(tracks.track[used], weights=solution.errors()[used], minlength=count)
-    points = Points(solution.xyz[kept], tracks.rgb[kept], total[kept] / views[kept])
-    used = used & kept[tracks.track]
+    tracks, (points, number, used) = solution.tracks, kept_points(solution)
     images = []
     observed = np.nonzero(used)[0]
     first = np.searchsorted(tracks.frame_index[observed], np.arange(1, len(tracks.frames)))
     for index, rows in enumerate(np.split(observed, first)):
         if len(rows) >= MIN_POINTS and np.isfinite(solution.translation[index, 0]):
-            ids: Ints = number[tracks.track[rows]].astype(np.int32)
+            ids = number[tracks.track[rows]]
             rotation, translation = solution.rotation[index], solution.translation[index]
             xy = (tracks.xy if solution.recorded is None else solution.recorded)[rows]
             images.append(Image(tracks.frames[index], rotation, translation, xy, ids))

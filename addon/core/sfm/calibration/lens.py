@@ -19,13 +19,13 @@ from ...camera.intrinsics import Intrinsics
 from ...camera.reconstruction import Reconstruction, turning_speeds
 from ..adjustment import solution
 from ..adjustment.bundle import Bundle, Observations
-from ..adjustment.bundle_adjustment import Adjusted, AdjustmentOptions, adjust, stretched, turns
+from ..adjustment.bundle_adjustment import Adjusted, adjust, stretched, turns
 from ..adjustment.distortion import SIGMA, undistorted
 from ..adjustment.resection import resected
 from ..adjustment.small_motion import select_observations
 from ..adjustment.solution import Solution
 from ..tracking.tracks import Tracks
-from .self_calibration import UNMODELLED, CalibrationOptions, as_bundle, put_back
+from .self_calibration import UNMODELLED, as_bundle, put_back
 
 K1, K2, ACROSS, DOWN = 2, 3, 4, 5
 """Places in `Distortion.parameters`."""
@@ -34,8 +34,8 @@ PINHOLE = np.zeros(len(SIGMA))
 
 # Chosen by inspection of clips with true lenses and of real ones where no line below gives a measurement
 # (`make bench-solve`).
-COMPARED = CalibrationOptions(longest=800, longest_in_frame=30)
-"""Tracks that determine the lens."""
+LONGEST, LONGEST_IN_FRAME = 800, 30
+"""As of `self_calibration`, of the tracks that determine the lens."""
 MIN_TRACKS = 60
 """Tracks with fewer of which, in either half of the clip, nothing is looked for."""
 MIN_KEYS = 12
@@ -59,8 +59,8 @@ ROUNDS = 3
 """Most rounds of finding the lens again in tracks from which it was removed."""
 SETTLED = 1e-3
 """Change of every parameter at which that is enough."""
-ADJUSTMENT = AdjustmentOptions(settled=1e-6)
-"""When an adjustment fits well enough."""
+FITS = 1e-6
+"""As of `bundle_adjustment.SETTLED`."""
 KEYS = 60
 """Keyframes that are looked at, at most, at even steps; the others follow from their points."""
 
@@ -235,7 +235,7 @@ class _Fit:
 
     @classmethod
     def of(cls, made: Solution, recorded: Tracks, free_focal: bool) -> _Fit:
-        bundle, _, posed, kept = as_bundle(made, COMPARED)
+        bundle, _, posed, kept = as_bundle(made, LONGEST, LONGEST_IN_FRAME)
         seen = select_observations(recorded, posed, kept, made.used)
         speed = turning_speeds(resected(made, kept)[0], np.array(recorded.frames))
         whole = cls(bundle, seen, posed, kept, speed, recorded, made.max_error / 2, free_focal)
@@ -249,7 +249,7 @@ class _Fit:
         lens = replace(undistorted(size, self.speed[self.posed]), free=free, parameters=parameters * free)
         start = replace(self.bundle, distortion=lens)
         how = "common" if self.free_focal else "held"
-        return adjust(start, self.seen, self.loss, how, options=ADJUSTMENT)
+        return adjust(start, self.seen, self.loss, how, settled=FITS)
 
     def put(self, made: Solution, found: Adjusted, lens: Lens) -> None:
         """Write an adjustment into a solve, with the lens removed from its tracks."""

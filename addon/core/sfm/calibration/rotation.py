@@ -16,6 +16,7 @@ from ..adjustment import solution
 from ..adjustment.bundle_adjustment import adjust
 from ..adjustment.small_motion import LongTracks, robust_turn, rotation_only, select_observations
 from ..adjustment.solution import MIN_POINTS, Solution
+from ..tracking.degeneracy import unit_rays
 from ..tracking.tracks import Progress, Tracks
 
 # Chosen by inspection of solved clips.
@@ -147,6 +148,5 @@ def _turn_of(made: Solution, index: int) -> Floats:
     known: Mask = np.isfinite(made.xyz[ids, 0])
     if np.count_nonzero(known) < MIN_POINTS:
         return np.full((3, 3), np.nan)
-    rays = np.column_stack([(xy[known] - made.centre) / made.focal[index], np.ones(np.count_nonzero(known))])
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    rays = unit_rays((xy[known] - made.centre) / made.focal[index])
     return robust_turn(made.xyz[ids[known]] / MEDIAN_DEPTH, rays)

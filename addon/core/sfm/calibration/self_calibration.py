@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ...base.arrays import Floats, Ints
 from ..adjustment.bundle import Bundle, Observations
-from ..adjustment.bundle_adjustment import AdjustmentOptions, adjust
+from ..adjustment.bundle_adjustment import adjust
 from ..adjustment.small_motion import agreement, select_observations
 from ..adjustment.solution import MIN_VIEWS, Solution
 from ..tracking.tracks import Tracks
@@ -26,19 +26,11 @@ ZOOM_STEPS = 200
 """Steps of an adjustment with a focal length a frame, which takes more of them than others."""
 
 
-@dataclass(frozen=True)
-class CalibrationOptions:
-    """Which tracks take part in an adjustment. Chosen by inspection of results."""
-
-    longest: int = 1500
-    """Number of the clip's longest tracks to find a focal length by."""
-    longest_in_frame: int = 60
-    """Number of each frame's longest tracks that are taken beside the clip's."""
+LONGEST, LONGEST_IN_FRAME = 1500, 60
+"""Number of the clip's longest tracks that take part in an adjustment, and of each frame's beside them."""
 
 
-def refine_focal_length(
-    made: Solution, start: float, known: float, options: CalibrationOptions = CalibrationOptions()
-) -> tuple[float, bool]:
+def refine_focal_length(made: Solution, start: float, known: float) -> tuple[float, bool]:
     """Refine the focal length by the clip, with `start` as a prior of relative sigma `known`.
 
     With a path of a few per cent of the depth the focal length is hardly determined; in a walk straight ahead
@@ -49,7 +41,7 @@ def refine_focal_length(
     """
     if known == 0:
         return 0.0, False
-    bundle, seen, posed, kept = as_bundle(made, options)
+    bundle, seen, posed, kept = as_bundle(made)
     freed = adjust(bundle, seen, made.max_error / 2, "common")
     sigma = max(UNMODELLED * freed.focal_sigma, 1e-4)
     weight = known**2 / (known**2 + sigma**2) if np.isfinite(sigma) else 0.0
@@ -62,18 +54,24 @@ def refine_focal_length(
 
 
 def as_bundle(
-    made: Solution, options: CalibrationOptions = CalibrationOptions()
+    made: Solution, longest: int = LONGEST, in_frame: int = LONGEST_IN_FRAME
 ) -> tuple[Bundle, Observations, Ints, Ints]:
-    """Return an adjustment of the keyframes and their best points, with frames (k,) and tracks (p,)."""
+    """Return an adjustment of the keyframes and their best points, with frames (k,) and tracks (p,).
+
+    Args:
+        made: The solve.
+        longest: Number of the clip's longest tracks that take part.
+        in_frame: Number of each frame's beside them.
+    """
     tracks = made.tracks
     posed = np.nonzero(np.isfinite(made.translation[:, 0]))[0].astype(np.int32)
     rows = np.nonzero(made.used)[0]
     views = np.bincount(tracks.track[rows], minlength=tracks.count)
-    longest = np.argsort(-views, kind="stable")[: options.longest]
+    lasting = np.argsort(-views, kind="stable")[:longest]
     by_frame = rows[np.lexsort(np.stack([-views[tracks.track[rows]], tracks.frame_index[rows]]))]
     frame = tracks.frame_index[by_frame]
     place = np.arange(len(frame)) - np.searchsorted(frame, frame)
-    kept = np.union1d(longest, tracks.track[by_frame[place < options.longest_in_frame]]).astype(np.int32)
+    kept = np.union1d(lasting, tracks.track[by_frame[place < in_frame]]).astype(np.int32)
     kept = kept[views[kept] >= MIN_VIEWS]
     points = np.column_stack([made.xyz[kept], np.ones(len(kept))])
     points /= np.linalg.norm(points, axis=1, keepdims=True)
@@ -154,7 +152,7 @@ def refine_zoom(made: Solution, tracks: Tracks, ratio: Floats) -> None:
     made.focal = made.focal * ratio
     bundle, seen, posed, kept = as_bundle(made)
     tie = 0.01 * len(kept) / ZOOM_STEP**2
-    refined = adjust(bundle, seen, made.max_error / 2, "each", tie, AdjustmentOptions(steps=ZOOM_STEPS))
+    refined = adjust(bundle, seen, made.max_error / 2, "each", tie, steps=ZOOM_STEPS)
     put_back(made, refined.bundle, posed, kept)
     # Between the keyframes the picture's growth is the better guide.
     frames = np.arange(len(tracks.frames))

@@ -17,7 +17,7 @@ import numpy as np
 from ...base.arrays import Floats, Ints
 from ...base.errors import Remedy, UserError
 from ..adjustment.bundle import Observations
-from ..adjustment.small_motion import long_tracks
+from ..adjustment.small_motion import long_tracks, rank_correlation
 from ..adjustment.solution import CLOSE, Solution
 
 # Chosen by inspection of solved clips.
@@ -153,7 +153,7 @@ def compare(
     depth = (world @ made.rotation[middle].T + made.translation[middle])[:, 2]
     good = np.isfinite(depth) & (depth > 0)
     enough = good.sum() >= MIN_TRACKS
-    order = _rank_correlation(1 / depth[good], found.inverse_depth[good]) if enough else 1.0
+    order = rank_correlation(1 / depth[good], found.inverse_depth[good]) if enough else 1.0
     return Compared(_score(own, close), _score(found.error, close), abs(order))
 
 
@@ -185,8 +185,3 @@ def refuse_shifted(
 def _score(error: Floats, close: float) -> float:
     share = np.minimum(np.nan_to_num(error, nan=np.inf), close) / close
     return float((1 - share**2).mean())
-
-
-def _rank_correlation(a: Floats, b: Floats) -> float:
-    first, second = (np.argsort(np.argsort(each)).astype(np.float64) for each in (a, b))
-    return float(np.corrcoef(first, second)[0, 1])

@@ -15,16 +15,17 @@ import numpy as np
 from ...base.arrays import Floats
 from ...camera.reconstruction import rotation_vector
 from ..adjustment.bundle import Bundle
-from ..adjustment.bundle_adjustment import Adjusted, AdjustmentOptions, adjust
+from ..adjustment.bundle_adjustment import Adjusted, adjust
 from ..adjustment.distortion import SIGMA, undistorted
 from ..adjustment.small_motion import LongTracks, general_motion, robust_turn, rotation_only
 from ..adjustment.solution import Solution
+from ..tracking.degeneracy import unit_rays
 from ..tracking.tracks import Tracks
-from .self_calibration import CalibrationOptions, as_bundle
+from .self_calibration import as_bundle
 
 # Lengths are in pixels of a 1,000-pixel frame.
-COMPARED = CalibrationOptions(longest=300, longest_in_frame=12)
-"""Which tracks are compared."""
+LONGEST, LONGEST_IN_FRAME = 300, 12
+"""As of `self_calibration`, of the tracks that are compared."""
 MIN_TRACKS = 40
 """Tracks with fewer of which nothing is compared."""
 LOSS = 1.0
@@ -35,8 +36,8 @@ that is off by `LOSS`. Chosen by inspection, and wide: the pictures decide."""
 TELLING = 90.0
 """Percentile of the tracks by parallax that is reported: a near thing on a tenth of the picture before a far
 background is enough depth."""
-ADJUSTMENT = AdjustmentOptions(settled=1e-5)
-"""When the cameras that are compared fit well enough."""
+SETTLED = 1e-5
+"""As of `bundle_adjustment`, of the cameras that are compared."""
 WEAK = 0.18
 """Relative uncertainty of depth, over its range, from which the report warns. Pans with 1 % of the width as
 parallax have 0.21 to 0.47, handheld clips up to 0.16 (`make bench-solve`)."""
@@ -70,7 +71,7 @@ class DepthEvidence:
 
 def depth_evidence(made: Solution) -> DepthEvidence | None:
     """Return the evidence of depth in the tracks that agree with a solve; None for too few."""
-    bundle, seen, posed, kept = as_bundle(made, COMPARED)
+    bundle, seen, posed, kept = as_bundle(made, LONGEST, LONGEST_IN_FRAME)
     if len(kept) < MIN_TRACKS:
         return None
     tracks, long_side = made.tracks, max(made.tracks.width, made.tracks.height)
@@ -81,7 +82,7 @@ def depth_evidence(made: Solution) -> DepthEvidence | None:
     span = LongTracks(seen, kept, len(posed), loss)
 
     def adjusted(start: Bundle) -> Adjusted:
-        return adjust(start, seen, loss, "each", tie, ADJUSTMENT)
+        return adjust(start, seen, loss, "each", tie, SETTLED)
 
     turning = adjusted(replace(rotation_only(span, focal).bundle, distortion=pinhole)).bundle
     moving = adjusted(replace(bundle, distortion=pinhole))
@@ -134,10 +135,6 @@ def _speeds(tracks: Tracks, focal: float) -> Floats:
     centre = np.array([tracks.width, tracks.height]) / 2
     steps = np.zeros((len(tracks.frames) - 1, 3))
     for index in range(len(steps)):
-        a, b = (
-            np.column_stack([(xy - centre) / focal, np.ones(len(xy))])
-            for xy in tracks.shared(index, index + 1)
-        )
-        a, b = (rays / np.linalg.norm(rays, axis=1, keepdims=True) for rays in (a, b))
+        a, b = (unit_rays((xy - centre) / focal) for xy in tracks.shared(index, index + 1))
         steps[index] = rotation_vector(robust_turn(a, b))
     return np.asarray((np.concatenate([steps[:1], steps]) + np.concatenate([steps, steps[-1:]])) / 2)

@@ -96,8 +96,6 @@ class Mapped:
     """True if the clip determines the focal length better than the prior."""
     parallax: float
     """Pixels of a 1,000-pixel frame that no rotation explains."""
-    angle: float
-    """Median angle in degrees between the outermost rays of a point."""
     explained: float
     """Share of the observations of lasting tracks that agree with a point that stands still."""
     zooms: bool
@@ -148,7 +146,7 @@ def staying(tracks: Tracks, prior: FocalPrior, progress: Progress) -> Mapped:
     if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
         raise UserError("too little of this clip stands still; choose another range of frames")
     return Mapped(
-        normalise(reconstruction), STAYS, found.focal_sigma, found.focal_from_clip, 0.0, 0.0, share, False,
+        normalise(reconstruction), STAYS, found.focal_sigma, found.focal_from_clip, 0.0, share, False,
         None, None,
     )  # fmt: skip
 
@@ -181,7 +179,7 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progre
         solution.drop_bad(best)
         adjust(best)
     solution.drop_bad(best)
-    angle = solution.drop_shallow(best)
+    solution.drop_shallow(best)
     explained = solution.explained(best)
     if explained < MIN_EXPLAINED:
         raise UserError(
@@ -195,7 +193,7 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progre
         raise UserError("too few points could be placed in 3D; film with more sideways movement")
     return Mapped(
         normalise(reconstruction if lens is None else lens.recording(reconstruction)), found.method, sigma,
-        found.focal_from_clip, parallax, angle, explained, ratio is not None, depth, weak, lens,
+        found.focal_from_clip, parallax, explained, ratio is not None, depth, weak, lens,
     )  # fmt: skip
 
 
@@ -381,5 +379,4 @@ class _Keyframes:
 
 def _without(tracks: Tracks, made: Solution) -> Tracks:
     """The tracks that a solution has no point for; their numbers stay."""
-    rows = np.isnan(made.xyz[tracks.track, 0])
-    return replace(tracks, frame_index=tracks.frame_index[rows], track=tracks.track[rows], xy=tracks.xy[rows])
+    return tracks.only(np.isnan(made.xyz[tracks.track, 0]))

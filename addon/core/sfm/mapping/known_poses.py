@@ -17,7 +17,7 @@ import numpy as np
 from ...base.arrays import Floats, Mask
 from ...base.counting import counted
 from ...base.errors import Remedy, UserError
-from ...camera.reconstruction import Image, Points, Reconstruction
+from ...camera.reconstruction import Image, Reconstruction
 from ...readers.matching import if_every
 from ..adjustment import solution
 from ..adjustment.solution import LARGEST_ERROR, MIN_POINTS, MIN_VIEWS, Solution
@@ -125,11 +125,9 @@ def _of_frames(tracks: Tracks, kept: Mask) -> Tracks:
     """The observations in some frames (F,)."""
     rows = kept[tracks.frame_index]
     number = (np.cumsum(kept) - 1).astype(np.int32)
-    return replace(
-        tracks,
-        frames=tuple(np.array(tracks.frames)[kept].tolist()),
-        frame_index=number[tracks.frame_index[rows]], track=tracks.track[rows], xy=tracks.xy[rows],
-    )  # fmt: skip
+    some = tracks.only(rows)
+    frames = tuple(np.array(tracks.frames)[kept].tolist())
+    return replace(some, frames=frames, frame_index=number[some.frame_index])
 
 
 @dataclass(frozen=True)
@@ -320,14 +318,7 @@ def _place(made: Solution) -> None:
 
 def _collected(cameras: Reconstruction, tracks: Tracks, made: Solution) -> Reconstruction:
     """The points with their observations as the clip has them, before all cameras of its frames."""
-    error = made.errors()
-    used = made.used & np.isfinite(made.xyz[tracks.track, 0])
-    views = np.bincount(tracks.track[used], minlength=tracks.count)
-    kept = views >= MIN_VIEWS
-    used &= kept[tracks.track]
-    number = (np.cumsum(kept) - 1).astype(np.int32)
-    total = np.bincount(tracks.track[used], error[used], tracks.count)
-    points = Points(made.xyz[kept], tracks.rgb[kept], total[kept] / views[kept])
+    points, number, used = solution.kept_points(made)
     at = {image.frame: image for image in cameras.images}
     images = []
     for index, frame in enumerate(tracks.frames):

@@ -52,8 +52,6 @@ class Placed:
     reconstruction: Reconstruction
     is_calibrated: bool
     """True if the focal length comes from the photos, not from the prior."""
-    angle: float
-    """Median degrees between a point's outermost rays."""
 
 
 def place_photos(
@@ -104,7 +102,7 @@ def place_photos(
             f"these photos are taken from one place ({angle:.2f} degrees between them): too little parallax;"
             " take them from places a step apart"
         )
-    return Placed(reconstruction, is_calibrated, angle)
+    return Placed(reconstruction, is_calibrated)
 
 
 def _write_database(
@@ -121,8 +119,8 @@ def _write_database(
     ]
     numbers = {key: number for number, key in enumerate(dict.fromkeys(keys), 1)}
     cameras = [
-        new_camera(MODEL, own or START_FOCAL * max(size), tuple(size), number)
-        for (*size, own), number in numbers.items()
+        new_camera(MODEL, own or START_FOCAL * max(width, height), (width, height), number)
+        for (width, height, own), number in numbers.items()
     ]
     lens_of = [numbers[key] for key in keys]
     images = [(number, photo.xy) for number, photo in zip(lens_of, photos, strict=True)]

@@ -111,7 +111,7 @@ def rotation_residual(a: Floats, b: Floats, tracks: Tracks, focal: float) -> flo
     """
     centre = np.array([tracks.width, tracks.height]) / 2
     length = focal * max(tracks.width, tracks.height)
-    rays_a, rays_b = (_rays((xy - centre) / length) for xy in (a, b))
+    rays_a, rays_b = (unit_rays((xy - centre) / length) for xy in (a, b))
     keep = np.ones(len(a), bool)
     error = np.zeros(len(a))
     for _ in range(3):
@@ -163,6 +163,7 @@ def _pairs(tracks: Tracks, parts: int) -> list[tuple[int, int]]:
     return sorted({(int(i), int(j)) for c in cuts for i, j in pairwise(c) if j > i})
 
 
-def _rays(xy: Floats) -> Floats:
+def unit_rays(xy: Floats) -> Floats:
+    """Return unit rays (n, 3) through normalised places (n, 2) of a pinhole."""
     rays = np.column_stack([xy, np.ones(len(xy))])
     return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))

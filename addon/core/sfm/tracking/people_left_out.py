@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -78,8 +77,7 @@ def outside(tracks: Tracks, mask: Callable[[int], Mask]) -> Tracks:
         column, row = np.clip(tracks.xy[rows] * shape / size, 0, shape - 1).astype(int).T
         inside[rows] = masked[row, column]
     views = np.bincount(tracks.track, minlength=tracks.count)
-    kept = (np.bincount(tracks.track, inside, tracks.count) <= INSIDE * views)[tracks.track]
-    return replace(tracks, frame_index=tracks.frame_index[kept], track=tracks.track[kept], xy=tracks.xy[kept])
+    return tracks.only((np.bincount(tracks.track, inside, tracks.count) <= INSIDE * views)[tracks.track])
 
 
 def _enlarged(mask: Mask) -> Mask:

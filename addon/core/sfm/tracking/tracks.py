@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.arrays import Bytes, Floats, Ints
+from ...base.arrays import Bytes, Floats, Ints, Mask
 from ...base.counting import counted
 from ...base.errors import Remedy, UserError
 from ...media.clip import Footage
@@ -64,6 +64,10 @@ class Tracks:
     def count(self) -> int:
         """Number of tracks."""
         return len(self.rgb)
+
+    def only(self, rows: Mask) -> Tracks:
+        """Return the observations of a mask (m,); tracks keep their numbers."""
+        return replace(self, frame_index=self.frame_index[rows], track=self.track[rows], xy=self.xy[rows])
 
     def in_frame(self, index: int) -> tuple[Ints, Floats]:
         """Track numbers (n,), ascending, and positions (n, 2) of one frame."""
@@ -173,8 +177,8 @@ def run(
         born += len(number) - int(new)
         numbers.append(number.astype(np.int32))
         places.append(place)
-        small = thumbnail(gray, THUMBNAIL)
-        correlations[done] = 1.0 if before is None else correlation(before, small, MIN_OVERLAP)
+        small = thumbnail(gray)
+        correlations[done] = 1.0 if before is None else correlation(before, small)
         before = small
     # The shrunk size is rounded, so that its two scales differ a little.
     scale = np.array([footage.width / gray.shape[1], footage.height / gray.shape[0]])
@@ -220,15 +224,15 @@ def are_bridged(footage: Footage, starts: Sequence[int]) -> bool:
     return True
 
 
-def thumbnail(gray: Bytes, width: int = THUMBNAIL) -> NDArray[np.float32]:
-    """Return a frame (H, W) made `width` pixels wide, its slow changes of brightness taken out."""
-    size = (width, max(round(width * gray.shape[0] / gray.shape[1]), 1))
+def thumbnail(gray: Bytes) -> NDArray[np.float32]:
+    """Return a frame (H, W) made `THUMBNAIL` pixels wide, its slow changes of brightness taken out."""
+    size = (THUMBNAIL, max(round(THUMBNAIL * gray.shape[0] / gray.shape[1]), 1))
     small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    return np.asarray(small - cv2.GaussianBlur(small, (0, 0), width / 16), np.float32)
+    return np.asarray(small - cv2.GaussianBlur(small, (0, 0), THUMBNAIL / 16), np.float32)
 
 
-def correlation(a: NDArray[np.float32], b: NDArray[np.float32], overlap: float = MIN_OVERLAP) -> float:
-    """Return the best correlation of two pictures (h, w) over all shifts with a common share.
+def correlation(a: NDArray[np.float32], b: NDArray[np.float32]) -> float:
+    """Return the best correlation of two pictures (h, w) over all shifts with `MIN_OVERLAP`.
 
     It is 0 for pictures without contrast. Lewis, "Fast normalized cross-correlation", 1995.
     """
@@ -243,18 +247,15 @@ def correlation(a: NDArray[np.float32], b: NDArray[np.float32], overlap: float =
     spread = (summed(xx, one) - sum_x**2 / count) * (summed(one, yy) - sum_y**2 / count)
     both = summed(x, y) - sum_x * sum_y / count
     # A grey level's quantisation is no contrast.
-    usable = (count > overlap * a.size) & (spread > (0.01 * count) ** 2)
+    usable = (count > MIN_OVERLAP * a.size) & (spread > (0.01 * count) ** 2)
     return float(np.max(both / np.sqrt(np.where(usable, spread, 1.0)), where=usable, initial=0.0))
 
 
 def _followed(tracks: Tracks) -> Tracks:
     """Without the tracks that are seen only once."""
     kept = np.bincount(tracks.track, minlength=tracks.count) > 1
-    rows, number = kept[tracks.track], np.cumsum(kept) - 1
-    return replace(
-        tracks, frame_index=tracks.frame_index[rows], xy=tracks.xy[rows], rgb=tracks.rgb[kept],
-        track=number[tracks.track[rows]].astype(np.int32),
-    )  # fmt: skip
+    some, number = tracks.only(kept[tracks.track]), np.cumsum(kept) - 1
+    return replace(some, rgb=tracks.rgb[kept], track=number[some.track].astype(np.int32))
 
 
 def _shrunk(gray: NDArray[np.uint8], zoom: float) -> NDArray[np.uint8]:
