@@ -1,4 +1,4 @@
-"""A lens of every camera model of COLMAP."""
+"""A lens of every camera model that is read."""
 
 from __future__ import annotations
 
@@ -14,20 +14,12 @@ TERMS: dict[str, tuple[float, ...]] = {
     "OPENCV": (-0.12, 0.03, 0.002, -0.003),
     "OPENCV_FISHEYE": (0.05, -0.02, 0.003, -0.001),
     "FULL_OPENCV": (0.3, 0.05, 0.001, -0.002, 0.01, 0.35, 0.04, 0.01),
-    "FOV": (0.9,),
     "SIMPLE_RADIAL_FISHEYE": (-0.03,),
     "RADIAL_FISHEYE": (-0.03, 0.01),
-    "THIN_PRISM_FISHEYE": (-0.03, 0.01, 0.002, -0.001, 0.001, -0.002, 0.003, -0.002),
-    "RAD_TAN_THIN_PRISM_FISHEYE": (
-        0.02, -0.01, 0.004, -0.002, 0.001, -0.0003, 0.001, -0.002, 0.003, -0.001, 0.002, 0.0005,
-    ),
-    "SIMPLE_DIVISION": (-0.15,),
-    "DIVISION": (0.1,),
     "SIMPLE_FISHEYE": (),
     "FISHEYE": (),
-    "EUCM": (0.6, 1.1),
 }  # fmt: skip
-"""A lens of every model that a flat picture can be made of, strong enough for every term to show."""
+"""A lens of every model, strong enough for every term to show."""
 
 
 def values_of(model: str) -> tuple[float, ...]:

@@ -1,13 +1,12 @@
 """The camera models of COLMAP: where a lens puts what a pinhole would see elsewhere.
 
 A model is a chain of stages between normalised pinhole coordinates (x / z, y / z) and the normalised
-coordinates seen through the lens. A stage scales along the radius in closed form (`Arc`, `Division`,
-`Sphere`) or is a polynomial (`Brown`), whose inverse is Newton's. Only rays ahead of the camera are known.
+coordinates seen through the lens: the angle to the axis of a fisheye (`Arc`) in closed form, and a polynomial
+(`Brown`), whose inverse is Newton's. Only rays ahead of the camera are known.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -45,13 +44,9 @@ FAMILIES: dict[str, tuple[str, ...]] = {
         "SIMPLE_FISHEYE", "FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE",
     ),
     "FULL_OPENCV": ("FULL_OPENCV",),
-    "FOV": ("FOV",),
-    "THIN_PRISM_FISHEYE": ("THIN_PRISM_FISHEYE",),
-    "RAD_TAN_THIN_PRISM_FISHEYE": ("RAD_TAN_THIN_PRISM_FISHEYE",),
-    "DIVISION": ("SIMPLE_DIVISION", "DIVISION"),
-    "EUCM": ("EUCM",),
 }  # fmt: skip
-"""The models that we compute with, and those that are one with some terms zero, the simplest first."""
+"""The models that we compute with, and those that are one with some terms zero, the simplest first. Others
+are refused: no guide to a program that we import from leads to one."""
 PLACES = ("f", "fx", "fy", "cx", "cy")
 
 
@@ -73,103 +68,39 @@ class Stage(Protocol):
         """Return the rays (..., 2) that `distort` moves to given rays (..., 2); NaN without one."""
 
 
-class Radial(ABC):
-    """A stage that scales along the radius by a function of its square, invertible in closed form."""
-
-    @abstractmethod
-    def scale(self, square: Floats) -> tuple[Floats, Floats]:
-        """Factor (...) at squared radii (...), and its derivative (...) by the squared radius."""
-
-    @abstractmethod
-    def inverse_scale(self, square: Floats) -> Floats:
-        """Factor (...) back, at squared radii (...) after distortion; NaN where no ray ahead gets there."""
+class Arc:
+    """The angle to the axis in place of its tangent, where every fisheye begins."""
 
     def distort(self, rays: Floats) -> Floats:
-        return np.asarray(rays * self.scale(_square(rays))[0][..., None])
+        return np.asarray(rays * self._scale(rays)[0][..., None])
 
     def jacobian(self, rays: Floats) -> Floats:
-        factor, slope = self.scale(_square(rays))
+        factor, slope = self._scale(rays)
         outer = rays[..., :, None] * rays[..., None, :]
         return np.asarray(factor[..., None, None] * np.eye(2) + 2 * slope[..., None, None] * outer)
 
     def undistort(self, rays: Floats) -> Floats:
-        return np.asarray(rays * self.inverse_scale(_square(rays))[..., None])
-
-
-@dataclass(frozen=True)
-class Arc(Radial):
-    """Radius atan(inner r) / outer.
-
-    1 and 1 is the angle to the axis, where every fisheye begins; 2 tan(omega / 2) and omega is Devernay
-    and Faugeras, "Straight lines have to be straight", 2001.
-    """
-
-    inner: float = 1.0
-    outer: float = 1.0
-
-    def scale(self, square: Floats) -> tuple[Floats, Floats]:
-        q = self.inner**2 * square
-        # Towards the centre the quotients lose their digits and the series has them all.
-        near = q < 1e-6
-        safe = np.where(near, 1.0, q)
-        share = np.where(near, 1 - q / 3 + q * q / 5, np.arctan(np.sqrt(safe)) / np.sqrt(safe))
-        slope = np.where(near, -1 / 3 + 2 * q / 5, (1 / (1 + safe) - share) / (2 * safe))
-        factor = self.inner / self.outer
-        return factor * share, factor * self.inner**2 * slope
-
-    def inverse_scale(self, square: Floats) -> Floats:
-        angle = abs(self.outer) * np.sqrt(square)
+        angle = np.sqrt(_square(rays))
         near = angle < 1e-6
         safe = np.where(near | (angle >= np.pi / 2), 1.0, angle)
         share = np.where(near, 1 + angle * angle / 3, np.tan(safe) / safe)
-        return np.where(angle < np.pi / 2, self.outer / self.inner * share, np.nan)
+        return np.asarray(rays * np.where(angle < np.pi / 2, share, np.nan)[..., None])
 
-
-@dataclass(frozen=True)
-class Division(Radial):
-    """Undistorted radius r / (1 + k r^2).
-
-    Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens distortion", 2001.
-    """
-
-    k: float
-
-    def scale(self, square: Floats) -> tuple[Floats, Floats]:
-        root = np.sqrt(1 - 4 * self.k * square)
-        return 2 / (1 + root), 4 * self.k / (root * (1 + root) ** 2)
-
-    def inverse_scale(self, square: Floats) -> Floats:
-        # Past 1 a larger radius would belong to a smaller angle: the picture is folded there.
-        bend = self.k * square
-        return 1 / np.where(np.abs(bend) < 1, 1 + bend, np.nan)
-
-
-@dataclass(frozen=True)
-class Sphere(Radial):
-    """Projection by an ellipsoid. Khomutenko, Garcia, Martinet, "An enhanced unified camera model", 2016."""
-
-    alpha: float
-    beta: float
-
-    def scale(self, square: Floats) -> tuple[Floats, Floats]:
-        distance = np.sqrt(self.beta * square + 1)
-        factor = 1 / (self.alpha * distance + 1 - self.alpha)
-        return factor, -(factor**2) * self.alpha * self.beta / (2 * distance)
-
-    def inverse_scale(self, square: Floats) -> Floats:
-        q = self.beta * square
-        depth = (1 - self.alpha**2 * q) / (
-            self.alpha * np.sqrt(1 - (2 * self.alpha - 1) * q) + 1 - self.alpha
-        )
-        return 1 / np.where(depth > 0, depth, np.nan)
+    def _scale(self, rays: Floats) -> tuple[Floats, Floats]:
+        """Factor (...) of rays (..., 2), and its derivative by the squared radius."""
+        q = _square(rays)
+        # Towards the centre the quotients lose their digits and the series has them all.
+        near = q < 1e-6
+        safe = np.where(near, 1.0, q)
+        factor = np.where(near, 1 - q / 3 + q * q / 5, np.arctan(np.sqrt(safe)) / np.sqrt(safe))
+        return factor, np.where(near, -1 / 3 + 2 * q / 5, (1 / (1 + safe) - factor) / (2 * safe))
 
 
 @dataclass(frozen=True)
 class Brown:
-    """Radial, tangential and thin-prism polynomials.
+    """Radial and tangential polynomials.
 
-    Brown, "Decentering distortion of lenses", 1966; with OpenCV's rational radial term and with the prism
-    of Weng, Cohen, Herniou, "Camera calibration with distortion models", 1992.
+    Brown, "Decentering distortion of lenses", 1966; with OpenCV's rational radial term.
     """
 
     radial: tuple[float, ...]
@@ -178,8 +109,6 @@ class Brown:
     """p1 and p2."""
     below: tuple[float, ...] = ()
     """Coefficients of r^2, r^4, ... below the fraction line."""
-    prism: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    """Coefficients of r^2 and r^4 towards x, then towards y."""
 
     def distort(self, rays: Floats) -> Floats:
         x, y = rays[..., 0], rays[..., 1]
@@ -190,9 +119,6 @@ class Brown:
         if any(self.tangential):
             u = u + (2 * p1 * x * y + p2 * (q + 2 * x * x))
             v = v + (p1 * (q + 2 * y * y) + 2 * p2 * x * y)
-        if any(self.prism):
-            a, b, c, d = self.prism
-            u, v = u + q * (a + b * q), v + q * (c + d * q)
         return np.stack([u, v], axis=-1)
 
     def jacobian(self, rays: Floats) -> Floats:
@@ -200,13 +126,11 @@ class Brown:
         q = x * x + y * y
         factor, slope = self._factor(q)
         p1, p2 = self.tangential
-        a, b, c, d = self.prism
         change = 2 * slope
-        across, down = 2 * (a + 2 * b * q), 2 * (c + 2 * d * q)
         both = change * x * y + 2 * p1 * x + 2 * p2 * y
-        xx = factor + change * x * x + 2 * p1 * y + 6 * p2 * x + across * x
-        yy = factor + change * y * y + 6 * p1 * y + 2 * p2 * x + down * y
-        rows = [np.stack([xx, both + across * y], axis=-1), np.stack([both + down * x, yy], axis=-1)]
+        xx = factor + change * x * x + 2 * p1 * y + 6 * p2 * x
+        yy = factor + change * y * y + 6 * p1 * y + 2 * p2 * x
+        rows = [np.stack([xx, both], axis=-1), np.stack([both, yy], axis=-1)]
         return np.stack(rows, axis=-2)
 
     def undistort(self, rays: Floats) -> Floats:
@@ -247,34 +171,13 @@ def stages(model: str, terms: Sequence[float]) -> tuple[Stage, ...]:
             chain = (Brown((t[0], t[1], t[4]), (t[2], t[3]), t[5:8]),)
         case "OPENCV_FISHEYE":
             chain = (Arc(), Brown(t))
-        case "THIN_PRISM_FISHEYE":
-            chain = (Arc(), Brown((t[0], t[1], t[4], t[5]), (t[2], t[3]), prism=(t[6], 0.0, t[7], 0.0)))
-        case "RAD_TAN_THIN_PRISM_FISHEYE":
-            chain = (Arc(), Brown(t[:6]), Brown((), (t[7], t[6]), prism=(t[8], t[9], t[10], t[11])))
-        case "FOV":
-            chain = (Arc(2 * np.tan(t[0] / 2), t[0]),) if t[0] else ()
-        case "DIVISION":
-            chain = (Division(t[0]),) if t[0] else ()
-        case "EUCM":
-            chain = (Sphere(*t),) if t[0] else ()
         case _:
             raise ValueError(f"{model} is not a known lens model")
     return tuple(stage for stage in chain if not (isinstance(stage, Brown) and _does_nothing(stage)))
 
 
-def impossible(model: str, terms: Sequence[float]) -> str | None:
-    """Return the requirement on a family's terms that no lens can miss; None if it is met."""
-    if not np.all(np.isfinite(terms)):
-        return "finite distortion terms"
-    if model == "FOV" and not abs(terms[0]) < np.pi:
-        return "an omega of less than pi"
-    if model == "EUCM" and not (0 <= terms[0] <= 1 and terms[1] > 0):
-        return "an alpha from 0 to 1 and a beta greater than zero"
-    return None
-
-
 def _does_nothing(stage: Brown) -> bool:
-    return not any((*stage.radial, *stage.tangential, *stage.below, *stage.prism))
+    return not any((*stage.radial, *stage.tangential, *stage.below))
 
 
 def _square(rays: Floats) -> Floats:

@@ -6,6 +6,7 @@ float64.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -46,7 +47,7 @@ class Intrinsics:
     p2: float = 0.0
     """Second tangential term of the model OPENCV; 0 in any other."""
     model: str = "OPENCV"
-    """One of `distortion.FAMILIES`, which hold all of COLMAP's perspective and fisheye models."""
+    """One of `distortion.FAMILIES`."""
     terms: tuple[float, ...] = ()
     """All distortion terms of any other model than OPENCV, in COLMAP's order."""
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -73,14 +74,15 @@ class Intrinsics:
             UserError: The model has no pinhole picture, the number of parameters is wrong, a size or focal
                 length is not greater than zero, or a value is not finite. The message begins with "expected".
         """
-        names = distortion.PARAMETERS.get(model)
-        if names is None:
-            raise UserError(f"expected a camera model that is one of {', '.join(distortion.PARAMETERS)}")
-        if model == "EQUIRECTANGULAR":
+        families = distortion.FAMILIES
+        family = next((name for name, members in families.items() if model in members), None)
+        if family is None:
+            known = ", ".join(itertools.chain(*families.values()))
             raise UserError(
-                "expected a perspective or fisheye camera, not a panorama of 360 degrees (EQUIRECTANGULAR):"
-                " cut perspective pictures out of the clip and solve these"
+                f"expected a camera model that is one of {known}, not {model[:40]}; undistort the pictures,"
+                " or cut flat ones out of a panorama, and solve these"
             )
+        names = distortion.PARAMETERS[model]
         if len(values) != len(names):
             raise UserError(f"expected {len(names)} parameters of {model}, not {len(values)}")
         if not np.all(np.isfinite(values)):
@@ -92,14 +94,10 @@ class Intrinsics:
                 f"expected a size from 1 to {MAX_SIDE} pixels and focal lengths greater than zero"
             )
         cx, cy = given.pop("cx"), given.pop("cy")
-        family = next(name for name, members in distortion.FAMILIES.items() if model in members)
         terms = tuple(given.get(name, 0.0) for name in distortion.term_names(family))
         if family == "OPENCV":
             k1, k2, p1, p2 = terms
             return cls(width, height, fx, fy, cx, cy, k1, k2, p1, p2)
-        wish = distortion.impossible(family, terms)
-        if wish:
-            raise UserError(f"expected {wish}")
         return cls(width, height, fx, fy, cx, cy, model=family, terms=terms)
 
     def parameters(self) -> tuple[str, tuple[float, ...]]:
