@@ -92,10 +92,7 @@ def all_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
 
 
 def set_lens(
-    settings: VirtualApertureSettings,
-    solved: Solve,
-    options: argparse.Namespace,
-    frames: Sequence[int] = (),
+    settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace, frames: Sequence[int] = ()
 ) -> None:
     """Write the options into the settings; UserError where the solve does not carry them.
 
@@ -192,10 +189,7 @@ def _set_depth_maps(settings: VirtualApertureSettings, solved: Solve, options: a
 
 
 def set_moving(
-    settings: VirtualApertureSettings,
-    solved: Solve,
-    options: argparse.Namespace,
-    frames: Sequence[int] = (),
+    settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace, frames: Sequence[int] = ()
 ) -> None:
     """Write the options of `add_moving` into the settings, and print notes on masks.
 

@@ -97,10 +97,7 @@ def add_footage(
     focal.add_argument("--focal35", type=real, metavar="MM", help="known focal length, 35 mm equivalent")
     focal.add_argument("--fov", type=real, metavar="DEG", help="known horizontal field of view")
     focal.add_argument(
-        "--focal-mm",
-        type=real,
-        metavar="MM",
-        help="known focal length of the lens itself, with --sensor-mm",
+        "--focal-mm", type=real, metavar="MM", help="known focal length of the lens itself, with --sensor-mm"
     )
     focal.add_argument(
         "--zoom", action="store_true", help="the clip was shot with a zoom lens whose focal length changes"

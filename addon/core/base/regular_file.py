@@ -12,10 +12,7 @@ import stat
 from pathlib import Path
 from typing import Any, BinaryIO
 
-_KINDS = (
-    (stat.S_ISFIFO, "it is a pipe, not a file"),
-    (stat.S_ISSOCK, "it is a socket, not a file"),
-)
+_KINDS = ((stat.S_ISFIFO, "it is a pipe, not a file"), (stat.S_ISSOCK, "it is a socket, not a file"))
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_BINARY", 0)
 
 

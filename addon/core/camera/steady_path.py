@@ -16,13 +16,7 @@ import numpy as np
 from ..base.arrays import Floats, Ints
 from ..base.errors import UserError
 from .intrinsics import Intrinsics
-from .reconstruction import (
-    Image,
-    Reconstruction,
-    matrix_from_quaternion,
-    quaternion_from_matrix,
-    seen_by,
-)
+from .reconstruction import Image, Reconstruction, matrix_from_quaternion, quaternion_from_matrix, seen_by
 from .rolling_shutter import turned
 
 PERIOD = 60.0

@@ -64,10 +64,7 @@ def subject_place(
 
 
 def _inverse_depths(
-    reconstruction: Reconstruction,
-    depth: DepthSource,
-    mask: Callable[[int], Mask],
-    frames: Iterable[int],
+    reconstruction: Reconstruction, depth: DepthSource, mask: Callable[[int], Mask], frames: Iterable[int]
 ) -> Iterable[tuple[int, float]]:
     """Frames that show a subject, and the median inverse depth of its pixels there, in 1 / scene units."""
     for frame in frames:

@@ -15,16 +15,7 @@ from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..base.numbers import reals, wholes
 from ..camera.reconstruction import Intrinsics, Points
-from .colmap_tables import (
-    NO_POINT,
-    ImageRow,
-    Longs,
-    PointTable,
-    Tables,
-    contents,
-    name_of,
-    wrong,
-)
+from .colmap_tables import NO_POINT, ImageRow, Longs, PointTable, Tables, contents, name_of, wrong
 from .poses import lens
 
 FILES = ("cameras.txt", "images.txt", "points3D.txt")

@@ -17,14 +17,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..camera.reconstruction import Image, Intrinsics, matrix_from_quaternion
-from .building import (
-    ACCURATE,
-    assemble,
-    check_size,
-    observations_of,
-    picture_size,
-    undistorting,
-)
+from .building import ACCURATE, assemble, check_size, observations_of, picture_size, undistorting
 from .imported_model import ImportedModel
 from .parsing import Numbers, Text, beginning
 

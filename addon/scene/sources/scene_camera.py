@@ -103,10 +103,7 @@ def _frames(scene: bpy.types.Scene, camera: bpy.types.Object, footage: Footage, 
 
 
 def _sights(
-    scene: bpy.types.Scene,
-    camera: bpy.types.Object,
-    frames: list[int],
-    shape: tuple[int, int, float, float],
+    scene: bpy.types.Scene, camera: bpy.types.Object, frames: list[int], shape: tuple[int, int, float, float]
 ) -> dict[int, _Sight]:
     """The camera at frames, relative to the root of the clip's objects, if there is one."""
     layer = scene.view_layers[0]

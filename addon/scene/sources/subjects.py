@@ -6,13 +6,7 @@ from collections.abc import Collection, Sequence
 from itertools import count
 
 import bpy
-from bpy.props import (
-    BoolProperty,
-    CollectionProperty,
-    FloatVectorProperty,
-    IntProperty,
-    StringProperty,
-)
+from bpy.props import BoolProperty, CollectionProperty, FloatVectorProperty, IntProperty, StringProperty
 
 from ...core.focus.place import Place
 from ...core.subjects.strokes import MarkedSubject, Stroke
@@ -154,9 +148,4 @@ def _changed(settings: bpy.types.PropertyGroup) -> None:
     redraw.viewports()
 
 
-CLASSES = (
-    VirtualApertureStrokePlace,
-    VirtualApertureStroke,
-    VirtualApertureSubject,
-    VirtualApertureSubjects,
-)
+CLASSES = (VirtualApertureStrokePlace, VirtualApertureStroke, VirtualApertureSubject, VirtualApertureSubjects)

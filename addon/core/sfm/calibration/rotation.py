@@ -50,12 +50,7 @@ class Turned:
     """True if the clip determines the focal length better than the prior."""
 
 
-def turned(
-    tracks: Tracks,
-    focal: float,
-    known: float,
-    progress: Progress,
-) -> Turned:
+def turned(tracks: Tracks, focal: float, known: float, progress: Progress) -> Turned:
     """Return the turns of a clip's camera.
 
     Args:

@@ -130,10 +130,7 @@ class Compared:
     """Rank correlation of the inverse depths of the two, without its sign; 1 where it cannot be compared."""
 
 
-def compare(
-    made: Solution,
-    keys: list[int],
-) -> Compared | None:
+def compare(made: Solution, keys: list[int]) -> Compared | None:
     """Return a solve of the keyframes `keys` beside shifts; None where too few tracks span them."""
     span = long_tracks(made.tracks, keys)
     if len(span.tracks) < MIN_TRACKS:
@@ -157,10 +154,7 @@ def compare(
     return Compared(_score(own, close), _score(found.error, close), abs(order))
 
 
-def refuse_shifted(
-    made: Solution,
-    keys: list[int],
-) -> None:
+def refuse_shifted(made: Solution, keys: list[int]) -> None:
     """Check that a clip's pictures were not shifted.
 
     Raises:

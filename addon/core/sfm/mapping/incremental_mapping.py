@@ -108,12 +108,7 @@ class Mapped:
     """The clip's lens and shutter; None without evidence, or without a search."""
 
 
-def reconstruct(
-    tracks: Tracks,
-    prior: FocalPrior,
-    progress: Progress,
-    may_stay: bool = False,
-) -> Mapped:
+def reconstruct(tracks: Tracks, prior: FocalPrior, progress: Progress, may_stay: bool = False) -> Mapped:
     """Return cameras and points of a clip from its tracks, normalised.
 
     Args:

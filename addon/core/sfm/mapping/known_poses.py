@@ -80,11 +80,7 @@ class Known:
     """Share of the observations of lasting tracks that agree with a point that stands still."""
 
 
-def triangulate(
-    cameras: Reconstruction,
-    tracks: Tracks,
-    progress: Progress = lambda *_: None,
-) -> Known:
+def triangulate(cameras: Reconstruction, tracks: Tracks, progress: Progress = lambda *_: None) -> Known:
     """Find the points of a clip's tracks with known cameras.
 
     The cameras' own points are ignored.

@@ -269,15 +269,9 @@ def _advice(
             (),
         )
     if depth is not None and depth > UNSURE_DEPTH:
-        return (
-            "depth is not exact: keep the blur small, or film with more sideways movement",
-            (),
-        )
+        return ("depth is not exact: keep the blur small, or film with more sideways movement", ())
     if sigma is not None and sigma > UNSURE_FOCAL and source != "given":
-        return (
-            "distances are a guess (blur hardly depends on it); set the focal length",
-            (Remedy.FOCAL,),
-        )
+        return ("distances are a guess (blur hardly depends on it); set the focal length", (Remedy.FOCAL,))
     if weak:
         which = f"frame {weak[0]} has" if len(weak) == 1 else f"frames {ranges(weak)} have"
         return f"{which} few points; focus may be less exact there", ()

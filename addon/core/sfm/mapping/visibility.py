@@ -242,13 +242,7 @@ def _has_neighbours(reconstruction: Reconstruction, image: Image, rows: Ints) ->
 
 
 def _looks(
-    reconstruction: Reconstruction,
-    index: int,
-    rows: Ints,
-    source: Ints,
-    gray: Map,
-    zoom: Floats,
-    radius: int,
+    reconstruction: Reconstruction, index: int, rows: Ints, source: Ints, gray: Map, zoom: Floats, radius: int
 ) -> Map:
     """(n, q) what a frame shows around points, turned and scaled as their source frames (n,) see them.
 

@@ -195,10 +195,7 @@ def _found(points: _Points, places: Places, kept: Mask, before: Bytes, after: By
 
 
 def follow(
-    before: Bytes,
-    after: Bytes,
-    points: Places,
-    guess: tuple[float, float] | None = None,
+    before: Bytes, after: Bytes, points: Places, guess: tuple[float, float] | None = None
 ) -> tuple[Places, Mask]:
     """Positions (k, 2) in `after` of those of (n, 2) points that flow there and back agrees on, and which.
 

@@ -138,10 +138,7 @@ def check_shape(footage: Footage) -> None:
 
 
 def run(
-    tracker: Tracker,
-    footage: Footage,
-    progress: Progress = lambda *_: None,
-    watch: Watch = lambda *_: None,
+    tracker: Tracker, footage: Footage, progress: Progress = lambda *_: None, watch: Watch = lambda *_: None
 ) -> Tracks:
     """Run a tracker on a clip.
 
