@@ -105,8 +105,8 @@ def score(solution: Solution, keys: list[int]) -> float:
     lasting = np.bincount(tracks.track[rows], minlength=tracks.count) >= MIN_VIEWS
     rows &= lasting[tracks.track]
     error = np.where(solution.used, solution.errors(), np.inf)[rows]
-    share = np.nan_to_num(error, nan=np.inf) / (CLOSE * solution.max_error)
-    return float(np.maximum(1 - share**2, 0).mean()) if rows.any() else 0.0
+    share = error / (CLOSE * solution.max_error)
+    return float(np.fmax(1 - share**2, 0).mean()) if rows.any() else 0.0
 
 
 def register_frames(solution: Solution, progress: Progress) -> None:
