@@ -88,7 +88,8 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     points = Points(
         array("xyz").reshape(-1, 3), integers("rgb").reshape(-1, 3).astype(np.uint8), array("error")
     )
-    rows, terms = array("cameras").reshape(-1, 10), array("lens_terms").reshape(-1, MOST_TERMS)
+    rows = array("cameras").reshape(-1, 10)
+    terms = array("lens_terms").reshape(len(rows), -1)
     lenses = tuple(
         _intrinsics(row, MODELS[model], more)
         for row, model, more in zip(rows, integers("lens_models"), terms, strict=True)
