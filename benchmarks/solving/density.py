@@ -181,7 +181,7 @@ def measure(clip: Clip) -> Density:
         candidate[image.points] = False
         there, hidden = seen(stage, geometry[image.frame - 1], points, image, place)
         gained = np.zeros(len(candidate), bool)
-        gained[visible[image.frame].points] = True
+        gained[visible[image.frame]] = True
         wrong = gained & ~there & ~hidden
         parts = (candidate, gained, candidate & there, gained & there, gained & hidden, wrong)
         counts += np.array([len(image.points), *(np.sum(part) for part in parts)])

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from addon.core.base.arrays import Ints
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.depth.sparse import frame_features
 from addon.core.media.clip import Footage, open_footage
-from addon.core.sfm.mapping import visibility
-from addon.core.sfm.mapping.visibility import MIN_VIEWS, RADIUS, Visible, visible_points
+from addon.core.sfm.mapping.visibility import MIN_VIEWS, RADIUS, visible_points
 from addon.core.sfm.tracking.klt import new_corners
 from benchmarks.solving import density
 from sample_scenes.stage import Cameras, Stage
@@ -94,26 +94,26 @@ def lost_at_random(world: NDArray[np.float64]) -> Reconstruction:
 
 
 @pytest.fixture(scope="module")
-def found(footage: Footage, world: NDArray[np.float64]) -> tuple[Reconstruction, dict[int, Visible]]:
+def found(footage: Footage, world: NDArray[np.float64]) -> tuple[Reconstruction, dict[int, Ints]]:
     reconstruction = lost_at_random(world)
     return reconstruction, visible_points(reconstruction, footage)
 
 
 def test_what_is_seen_is_found_and_what_is_hidden_is_not(
-    found: tuple[Reconstruction, dict[int, Visible]], world: NDArray[np.float64]
+    found: tuple[Reconstruction, dict[int, Ints]], world: NDArray[np.float64]
 ) -> None:
     reconstruction, visible = found
     known = reconstruction.views_per_point >= MIN_VIEWS
     right = wrong = there = 0
     for index, image in enumerate(reconstruction.images):
-        points = visible[image.frame].points
+        points = visible[image.frame]
         surely = np.setdiff1d(
             np.nonzero(known & shown(index, world, 0) & ~hidden_near(index, world))[0], image.points
         )
         right += len(np.intersect1d(points, surely))
         there += len(surely)
         wrong += np.sum(~shown(index, world, 2)[points])
-    total = sum(len(each.points) for each in visible.values())
+    total = sum(map(len, visible.values()))
     assert there > 500
     assert right > 0.85 * there
     assert wrong <= 0.01 * total
@@ -127,33 +127,13 @@ def hidden_near(index: int, world: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.any([np.abs(z - world[:, 2]) > 0.1 for z in around], axis=0)
 
 
-def test_counts_add_up_and_nothing_is_found_twice(found: tuple[Reconstruction, dict[int, Visible]]) -> None:
+def test_nothing_is_found_twice(found: tuple[Reconstruction, dict[int, Ints]]) -> None:
     reconstruction, visible = found
     assert sorted(visible) == list(range(1, COUNT + 1))
     for image in reconstruction.images:
         each = visible[image.frame]
-        assert each.candidates == len(each.points) + each.hidden + each.unlike
-        assert (np.diff(each.points) > 0).all()
-        assert not len(np.intersect1d(each.points, image.points))
-
-
-def test_some_frames_are_found_like_all(
-    found: tuple[Reconstruction, dict[int, Visible]], footage: Footage, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    reconstruction, visible = found
-    read: list[int] = []
-    original = Footage.read
-    monkeypatch.setattr(Footage, "read", lambda self, frame: (read.append(frame), original(self, frame))[1])
-    some = visible_points(reconstruction, footage, frames=[3, 8, 99])
-    assert read == list(range(1, COUNT + 1))  # each once, in order
-    assert sorted(some) == [3, 8]
-    for frame, each in some.items():
-        np.testing.assert_array_equal(each.points, visible[frame].points)
-    read.clear()
-    monkeypatch.setattr(visibility, "REACH", 1)
-    near = visible_points(reconstruction, footage, frames=[3])
-    assert read == [2, 3, 4]
-    assert 0 < near[3].candidates < visible[3].candidates
+        assert (np.diff(each) > 0).all()
+        assert not len(np.intersect1d(each, image.points))
 
 
 def test_light_may_change(world: NDArray[np.float64], tmp_path: Path) -> None:
@@ -163,7 +143,7 @@ def test_light_may_change(world: NDArray[np.float64], tmp_path: Path) -> None:
     for index in range(0, COUNT, 2):
         clip[index] = (0.6 * clip[index] + 40).astype(np.uint8)
     lit = visible_points(reconstruction, open_footage(planes.write_clip(tmp_path / "lit", clip)))
-    counts = [sum(len(each.points) for each in visible.values()) for visible in (plain, lit)]
+    counts = [sum(map(len, visible.values())) for visible in (plain, lit)]
     assert counts[1] > 0.95 * counts[0]
 
 
@@ -175,7 +155,7 @@ def test_what_passes_in_front_hides(world: NDArray[np.float64], tmp_path: Path) 
     reconstruction = lost_at_random(world)
     visible = visible_points(reconstruction, open_footage(planes.write_clip(tmp_path / "clip", clip)))
     for index in (1, 7):
-        image, points = reconstruction.images[index], visible[index + 1].points
+        image, points = reconstruction.images[index], visible[index + 1]
         others = np.setdiff1d(np.nonzero(shown(index, world, 0))[0], image.points)
         place = LENS.project(image.to_camera(world))[:, 0]
         found, there = ([np.sum(place[rows] < 155), np.sum(place[rows] > 165)] for rows in (points, others))
@@ -195,7 +175,7 @@ def test_points_at_a_wrong_depth_or_none_are_left_out(footage: Footage, world: N
     xyz[3] = np.nan
     moved = replace(reconstruction, points=replace(reconstruction.points, xyz=xyz))
     visible = visible_points(moved, footage)
-    points = np.concatenate([each.points for each in visible.values()])
+    points = np.concatenate(list(visible.values()))
     assert len(points) > 300
     assert wrong[points].mean() < 0.01 and 3 not in points
 
@@ -204,7 +184,7 @@ def test_points_that_are_poorly_known_are_left_out(footage: Footage, world: NDAr
     reconstruction = lost_at_random(world)
     error = np.where(np.arange(len(world)) % 3 == 0, 0.9, 0.3)
     measured = replace(reconstruction, points=replace(reconstruction.points, error=error))
-    points = np.concatenate([each.points for each in visible_points(measured, footage).values()])
+    points = np.concatenate(list(visible_points(measured, footage).values()))
     assert len(points) > 300
     assert (points % 3 > 0).all()
     assert (measured.views_per_point[points] >= MIN_VIEWS).all()
@@ -227,7 +207,7 @@ def test_what_is_found_counts_among_a_frames_features(world: NDArray[np.float64]
 def test_without_points_nothing_is_found(footage: Footage) -> None:
     empty = reconstructed(np.zeros((0, 3)), np.zeros((COUNT, 0), bool))
     visible = visible_points(empty, footage)
-    assert all(len(each.points) == each.candidates == 0 for each in visible.values())
+    assert all(len(each) == 0 for each in visible.values())
     assert visible_points(replace(empty, images=()), footage) == {}
 
 

@@ -162,13 +162,11 @@ def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str
     (folder / "model").mkdir()
     write_model(folder / "model", result)
     visible = visible_points(result, footage, progress=_progress)
-    keep_visible(folder / "model", {frame: each.points for frame, each in visible.items()})
+    keep_visible(folder / "model", visible)
     return {
         "registered": len(result.images),
         "points": len(result.points),
-        "visible": [len(each.points) for each in visible.values()],
-        "hidden": sum(each.hidden for each in visible.values()),
-        "unlike": sum(each.unlike for each in visible.values()),
+        "visible": [len(each) for each in visible.values()],
         "reprojection_error": float(result.points.error.mean()),
         "focal": result.cameras[0].fx,
         "tracker": tracker,

@@ -9,7 +9,6 @@ be accurate: points with few or inaccurate observations are wrong four times as 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -57,26 +56,11 @@ REACH = 60
 """Frames within which a point must have been observed. Chosen by inspection."""
 
 
-@dataclass(frozen=True)
-class Visible:
-    """Visible points of a frame besides its observed ones."""
-
-    points: Ints
-    """(k,) rows of `Reconstruction.points`, ascending."""
-    candidates: int
-    """Points that project into the frame and were not observed there."""
-    hidden: int
-    """Candidates that were rejected because no point around lies at their depth."""
-    unlike: int
-    """Candidates that were rejected because they do not look as they do elsewhere."""
-
-
 def visible_points(
     reconstruction: Reconstruction,
     footage: Footage,
-    frames: Iterable[int] | None = None,
     progress: Progress = lambda stage, done, total: None,
-) -> dict[int, Visible]:
+) -> dict[int, Ints]:
     """Find the visible points of registered frames besides their observed ones.
 
     The clip is read once, in order; small patches around points are kept.
@@ -84,22 +68,21 @@ def visible_points(
     Args:
         reconstruction: Solve of the clip.
         footage: The clip.
-        frames: Frames to search; all without it.
         progress: Called with the stage, done and all frames.
+
+    Returns:
+        (k,) rows of `Reconstruction.points` by frame, ascending.
 
     Raises:
         UserError: A frame cannot be read.
     """
     images = reconstruction.images
-    wanted = None if frames is None else set(frames)
-    requested = np.array([wanted is None or image.frame in wanted for image in images], bool)
     search = _Search(reconstruction)
     for index, image in enumerate(images):
         progress("Looking for points", index, len(images))
-        if requested[max(index - REACH, 0) : index + REACH + 1].any():
-            search.see(index, *_softened(footage.read(image.frame)), bool(requested[index]))
+        search.see(index, *_softened(footage.read(image.frame)))
         search.sights.passed(index)
-    return {images[index].frame: search.found(int(index)) for index in np.nonzero(requested)[0]}
+    return {image.frame: search.found(index) for index, image in enumerate(images)}
 
 
 @dataclass(frozen=True)
@@ -119,26 +102,22 @@ class _Search:
         self._reconstruction = reconstruction
         self._patches = np.zeros((len(reconstruction.points), square(RADIUS).shape[1]), np.float16)
         self._waiting: dict[int, list[_Waiting]] = {}
-        self._accepted: dict[int, list[Ints]] = {}
-        self._counts: dict[int, tuple[int, int]] = {}
+        self._accepted: list[list[Ints]] = [[] for _ in reconstruction.images]
 
-    def see(self, index: int, gray: Map, zoom: Floats, requested: bool) -> None:
-        """Keep a frame's patches, and find candidates in it if `requested`; decide earlier ones."""
+    def see(self, index: int, gray: Map, zoom: Floats) -> None:
+        """Keep a frame's patches, find candidates in it, and decide earlier ones."""
         image = self._reconstruction.images[index]
         upright = np.tile(np.eye(2), (len(image.points), 1, 1))
-        patch = square(RADIUS)
-        self._patches[image.points] = sample(gray, image.xy * zoom - 0.5, upright, patch)
-        if requested:
-            rows, source = self.sights.candidates(index)
-            near = _has_neighbours(self._reconstruction, image, rows)
-            self._counts[index], self._accepted[index] = (len(rows), int(np.sum(~near))), []
-            rows, source = rows[near], source[near]
-            looks = _looks(self._reconstruction, index, rows, source, gray, zoom, RADIUS)
-            before = source < index
-            self._decide(_Waiting(index, rows[before], looks[before]))
-            for later in np.unique(source[~before]):
-                some = source == later
-                self._waiting.setdefault(int(later), []).append(_Waiting(index, rows[some], looks[some]))
+        self._patches[image.points] = sample(gray, image.xy * zoom - 0.5, upright, square(RADIUS))
+        rows, source = self.sights.candidates(index)
+        near = _has_neighbours(self._reconstruction, image, rows)
+        rows, source = rows[near], source[near]
+        looks = _looks(self._reconstruction, index, rows, source, gray, zoom)
+        before = source < index
+        self._decide(_Waiting(index, rows[before], looks[before]))
+        for later in np.unique(source[~before]):
+            some = source == later
+            self._waiting.setdefault(int(later), []).append(_Waiting(index, rows[some], looks[some]))
         for each in self._waiting.pop(index, []):
             self._decide(each)
 
@@ -146,18 +125,15 @@ class _Search:
         good = _alike(self._patches[waiting.points], waiting.looks)
         self._accepted[waiting.index].append(waiting.points[good])
 
-    def found(self, index: int) -> Visible:
-        """Return the points of a requested frame, after all are seen."""
-        points = np.sort(np.concatenate(self._accepted[index]))
-        candidates, hidden = self._counts[index]
-        return Visible(points, candidates, hidden, candidates - hidden - len(points))
+    def found(self, index: int) -> Ints:
+        """Return the points (k,) of a frame, after all are seen."""
+        return np.sort(np.concatenate(self._accepted[index]))
 
 
 class _Sights:
     """When each point was last seen and will be seen next, as the frames go by."""
 
     def __init__(self, reconstruction: Reconstruction) -> None:
-        self._reach = REACH
         self._reconstruction = reconstruction
         images, count = reconstruction.images, len(reconstruction.points)
         index = np.repeat(np.arange(len(images)), [len(image.points) for image in images])
@@ -182,8 +158,8 @@ class _Sights:
         """
         reconstruction = self._reconstruction
         image = reconstruction.images[index]
-        close = (self._last >= 0) & (index - self._last <= self._reach)
-        close |= (self._next < len(self._centres)) & (self._next - index <= self._reach)
+        close = (self._last >= 0) & (index - self._last <= REACH)
+        close |= (self._next < len(self._centres)) & (self._next - index <= REACH)
         close &= self._good
         close[image.points] = False
         rows = np.nonzero(close)[0].astype(np.int32)
@@ -196,8 +172,8 @@ class _Sights:
         before, after = self._last[rows], self._next[rows]
         here = self._towards(np.full(len(rows), index), rows)
         angle = [np.einsum("ij,ij->i", here, self._towards(frame, rows)) for frame in (before, after)]
-        angle[0][(before < 0) | (index - before > self._reach)] = -np.inf
-        angle[1][(after >= len(self._centres)) | (after - index > self._reach)] = -np.inf
+        angle[0][(before < 0) | (index - before > REACH)] = -np.inf
+        angle[1][(after >= len(self._centres)) | (after - index > REACH)] = -np.inf
         return rows, np.where(angle[0] >= angle[1], before, after).astype(np.int32)
 
     def passed(self, index: int) -> None:
@@ -242,7 +218,7 @@ def _has_neighbours(reconstruction: Reconstruction, image: Image, rows: Ints) ->
 
 
 def _looks(
-    reconstruction: Reconstruction, index: int, rows: Ints, source: Ints, gray: Map, zoom: Floats, radius: int
+    reconstruction: Reconstruction, index: int, rows: Ints, source: Ints, gray: Map, zoom: Floats
 ) -> Map:
     """(n, q) what a frame shows around points, turned and scaled as their source frames (n,) see them.
 
@@ -267,7 +243,7 @@ def _looks(
             beside = np.column_stack([rays, np.ones(len(rays))]) * local[:, 2:]
             seen = camera.project(image.to_camera((beside - other.translation) @ other.rotation))
             maps[some, :, axis] = seen - place[some]
-    return sample(gray, place * zoom - 0.5, maps, square(radius + 1))
+    return sample(gray, place * zoom - 0.5, maps, square(RADIUS + 1))
 
 
 def _alike(patches: NDArray[np.floating], looks: Map) -> Mask:
@@ -279,7 +255,7 @@ def _alike(patches: NDArray[np.floating], looks: Map) -> Mask:
     wide = looks.reshape(-1, side + 2, side + 2) - MIDGREY
     seen = sliding_window_view(wide, (side, side), (1, 2)).reshape(len(looks), 9, side * side)
     known = patches.astype(np.float32)[:, None] - MIDGREY
-    parts = _parts(RADIUS)
+    parts = _parts()
     mean, expected = seen @ parts, known @ parts
     spread = np.sqrt(np.maximum(seen**2 @ parts - mean**2, FLAT**2))
     contrast = np.sqrt(np.maximum(known**2 @ parts - expected**2, FLAT**2))
@@ -289,9 +265,9 @@ def _alike(patches: NDArray[np.floating], looks: Map) -> Mask:
     return np.asarray(good.any(axis=(1, 2)))
 
 
-def _parts(radius: int) -> Map:
+def _parts() -> Map:
     """(p, 5) weights of a patch's pixels, of sum 1: the whole, and its four halves with the middle line."""
-    _, u, v = square(radius)
+    _, u, v = square(RADIUS)
     inside = np.stack([np.ones_like(u), u <= 0, u >= 0, v <= 0, v >= 0], axis=1)
     return np.asarray(inside / inside.sum(axis=0), np.float32)
 
