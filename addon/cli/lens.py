@@ -83,11 +83,7 @@ def movie_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
 
 
 def all_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
-    """Return frames of the whole clip, also unsolved ones.
-
-    Raises:
-        UserError: There are none.
-    """
+    """Return frames of the whole clip, also unsolved ones; UserError without any."""
     return list(open_footage(footage.path, frames, info=footage.video, stills=footage.is_stills).frames)
 
 

@@ -25,15 +25,9 @@ def add_jobs(command: argparse.ArgumentParser) -> None:
 
 @contextmanager
 def sharing(options: argparse.Namespace, frames: int, shot: Shot) -> Iterator[int]:
-    """Yield the number of processes that share frames, this one included.
+    """Yield the number of processes that share frames, this one included: as requested, or as fit and pay.
 
-    It is the requested number, or else as many as fit and are worth their start. With several, each has one
-    thread.
-
-    Args:
-        options: Those of the command.
-        frames: Number of frames.
-        shot: The clip.
+    With several, each has one thread.
     """
     pixels = shot.footage.width * shot.footage.height
     count = options.jobs or max(1, min(frames // jobs.LEAST_SHARE, jobs.fitting(pixels)))

@@ -291,11 +291,7 @@ def frame_title(scene: bpy.types.Scene, is_animation: bool) -> str:
 
 
 def check_shape(shot: Shot, frame: int, size: tuple[int, int]) -> None:
-    """Check that the render has the shape of the clip's frame, as the picture would be stretched.
-
-    Raises:
-        UserError: It has not.
-    """
+    """Raise UserError where the render has not the shape of the clip's frame, which would be stretched."""
     if problem := shape_problem(size, shot.size(frame)):
         raise UserError(problem)
 

@@ -17,10 +17,9 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)
 
 
 def regular_stat(path: Path) -> os.stat_result:
-    """Return the state of a regular file without opening it; follows links.
+    """Return the state of a regular file, before another library opens it; follows links.
 
-    Call it before another library opens the path. Raises OSError for a missing file, folder, pipe, socket or
-    device.
+    Raises OSError for a missing file, folder, pipe, socket or device.
     """
     return _checked(path.stat(), path)
 

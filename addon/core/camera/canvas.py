@@ -84,33 +84,20 @@ class Canvas:
         return np.asarray(self.camera.distort(rays) * self.camera.focal + self.camera.principal_point)
 
     def from_source(self, picture: LinearRGBA) -> LinearRGBA:
-        """Resample a source frame onto the canvas, mirrored where the lens saw nothing.
-
-        Args:
-            picture: (H, W, 4) or (H, W) float32.
-
-        Returns:
-            (h, w, 4) or (h, w) float32.
-        """
+        """Resample a frame (H, W, 4) or (H, W), float32, to the canvas, mirrored where the lens was blind."""
         if not self.camera.is_distorted:
             return picture
         return _resampled(picture, self._in_source, self.pinhole.height)
 
     def canvas_map(self) -> Map:
-        """Get where the source frame shows the canvas's pixels.
+        """Return where the source frame shows the canvas's pixels (h, w, 2), for `cv2.remap`.
 
-        Returns:
-            (h, w, 2) pixels for `cv2.remap`, whose first pixel's centre is (0, 0). They are NaN where the
-            lens sees nothing.
+        NaN where the lens sees nothing.
         """
         return np.asarray(self._in_source.rows(0, self.pinhole.height) - 0.5, np.float32)
 
     def source_map(self) -> Map:
-        """Get where the canvas shows the source frame's pixels.
-
-        Returns:
-            (H, W, 2) pixels for `cv2.remap`, whose first pixel's centre is (0, 0).
-        """
+        """Return where the canvas shows the source frame's pixels (H, W, 2), for `cv2.remap`."""
         return np.asarray(self._in_canvas.rows(0, self.camera.height) - 0.5, np.float32)
 
     @property
@@ -122,14 +109,7 @@ class Canvas:
         return SmoothPlaces(self.camera.width, self.camera.height, self.features_from_source)
 
     def to_source(self, picture: LinearRGBA) -> LinearRGBA:
-        """Resample a canvas picture into the geometry of the source frame.
-
-        Args:
-            picture: (h, w, 4) or (h, w) float32.
-
-        Returns:
-            (H, W, 4) or (H, W) float32.
-        """
+        """Resample a canvas picture (h, w, 4) or (h, w), float32, into the geometry of the source frame."""
         if not self.camera.is_distorted:
             return picture
         return _resampled(picture, self._in_canvas, self.camera.height)

@@ -46,11 +46,7 @@ def from_field_of_view(degrees: float, width: int) -> float:
 
 
 def from_equivalent(millimetres: float, width: int, height: int) -> float:
-    """Return a focal length from the 35 mm equivalent of the diagonal, as phones and EXIF have it.
-
-    Raises:
-        UserError: It is not greater than zero.
-    """
+    """Return a focal length from the 35 mm equivalent of the diagonal; UserError unless it is above zero."""
     return _positive("focal length", millimetres, "mm") / DIAGONAL_35 * math.hypot(width, height)
 
 
@@ -60,12 +56,9 @@ def is_plausible(focal: float, width: int, height: int) -> bool:
 
 
 def from_sensor(focal_mm: float, sensor_mm: float, width: int) -> float:
-    """Return a focal length from the lens's own and the width of the sensor, both in millimetres.
+    """Return a focal length from the lens's own and the width of the sensor, all of which the clip shows.
 
-    The clip must show all of the sensor.
-
-    Raises:
-        UserError: One is not greater than zero.
+    Both are in millimetres; UserError unless they are above zero.
     """
     return _positive("focal length", focal_mm, "mm") / _positive("sensor", sensor_mm, "mm") * width
 

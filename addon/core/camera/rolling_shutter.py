@@ -91,12 +91,9 @@ class RollingShutter:
 
 
 def turned(points: Floats, turn: Sequence[float] | Floats, when: Floats) -> Floats:
-    """Return points (..., 3) in the axes of a camera that turns.
+    """Return points (..., 3) in the axes of a camera that turns by (..., 3) radians in a time of one.
 
-    Args:
-        points: (..., 3).
-        turn: (..., 3) rotation vector in radians for a time of one.
-        when: (...) times.
+    `when` (...) has the times.
     """
     return np.moveaxis(_Turning.of(np.moveaxis(points, -1, 0), turn).at(when), 0, -1).copy()
 

@@ -285,14 +285,9 @@ def _within(overlap: float) -> float:
 
 
 def moved_with(mask: Mask, neighbours: list[Neighbour]) -> Mask | None:
-    """Return the pixels that move as those of a mask do, and are connected with them.
+    """Return the pixels (h, w) that move as those of a mask (h, w) do, and are connected with them.
 
-    Args:
-        mask: (h, w) pixels of a subject; not empty.
-        neighbours: The frames beside.
-
-    Returns:
-        (h, w) the pixels; None where those of the mask move as the background.
+    None where those move as the background, or without a neighbour.
     """
     if not neighbours:
         return None

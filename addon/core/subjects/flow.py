@@ -95,13 +95,9 @@ class ClipFlow:
         return self._flows.get(key, found).whole
 
     def there(self, frame: int, way: int) -> tuple[Map, Map]:
-        """Return the places (h, w, 2) of a frame's pixels in the next frame, and their certainty (h, w).
+        """Return the places (h, w, 2) of a frame's pixels in the next, as of `step`, and certainty (h, w).
 
         Certainty in [0, 1] is high where the flow back from there returns to the pixel.
-
-        Args:
-            frame: Number of the frame.
-            way: As in `step`.
         """
         key = 2 * self.frames.index(frame) + (way > 0)
         return self._places.get(key, lambda: self._there(frame, way))

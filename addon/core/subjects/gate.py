@@ -220,15 +220,9 @@ def _rays(pixels: Floats, camera: Intrinsics) -> Floats:
 
 
 def on_moving_objects(places: Map, residual: Floats, shape: tuple[int, ...]) -> Mask:
-    """Find the tracks of moving objects.
+    """Return the tracks (n,) that, with most of their neighbours, contradict a still scene.
 
-    Args:
-        places: (n, 2) in a picture.
-        residual: (n,) in pixels, NaN for tracks to be ignored.
-        shape: The picture's (h, w).
-
-    Returns:
-        Mask (n,): tracks that, with most of their neighbours, contradict a still scene.
+    `places` (n, 2) and `residual` (n,), NaN for tracks to be ignored, are in pixels of a picture (h, w).
     """
     contradicts = residual > RESIDUAL * max(shape)
     near = np.linalg.norm(places[:, None] - places[None], axis=2) < AROUND * max(shape)

@@ -128,26 +128,13 @@ class Networks:
         return np.asarray((both[0] + both[1]) / 2, np.float32)
 
     def poses(self, picture: Bytes, least: float) -> list[Detection]:
-        """Detect people.
-
-        Args:
-            picture: (h, w, 3) uint8 RGB, display-encoded.
-            least: Probability from which on a person is returned.
-
-        Returns:
-            People, the surest first.
-        """
+        """Return people in a picture (h, w, 3), uint8 RGB, of at least a probability, the surest first."""
         return self._detected(POSE, picture, POSES, least)
 
     def faces(self, picture: Bytes, least: float) -> list[Detection]:
-        """Detect faces, those of a small part of the picture, too.
+        """Return faces in a picture (h, w, 3), uint8 RGB, of at least a probability, the surest first.
 
-        Args:
-            picture: (h, w, 3) uint8 RGB, display-encoded.
-            least: Probability from which on a face is returned.
-
-        Returns:
-            Faces, the surest first.
+        Those of a small part of the picture are found, too.
         """
         return self._detected("face_detection_full_range_sparse.onnx", picture, FAR_FACES, least)
 

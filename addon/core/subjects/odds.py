@@ -88,17 +88,9 @@ def silhouette(networks: Networks, picture: Bytes, box: Box) -> Map:
 
 
 def body(networks: Networks, picture: Bytes, box: Box, there: Mask, least: float) -> Map | None:
-    """Return the log-odds (h, w) of the network that segments a person, where the subject is one.
+    """Return the log-odds (h, w) of the network that segments people in a box, or None.
 
-    Args:
-        networks: The networks.
-        picture: (h, w, 3) uint8 RGB.
-        box: Area of the search for people.
-        there: (h, w) expected subject.
-        least: Intersection over union of the person with that, from which on it is the subject.
-
-    Returns:
-        (h, w) log-odds; None without such a person.
+    The person has an intersection over union of `least` or more with the expected subject (h, w).
     """
     best, found = least, None
     if not networks.exist:

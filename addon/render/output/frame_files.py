@@ -164,11 +164,7 @@ def _has_whole_segment(path: Path) -> bool:
 
 
 def refuse(path: Path, problem: str) -> None:
-    """Check a file that was just written.
-
-    Raises:
-        UserError: It has a problem.
-    """
+    """Raise UserError where a file that was just written has a problem."""
     if problem:
         raise UserError(f"{path.name} {problem} and was discarded{likely_cause(problem)}")
 

@@ -31,11 +31,7 @@ Here = Callable[[Sequence[int], Callable[[int], None]], None]
 
 
 def fitting(pixels: int) -> int:
-    """Return the number of processes that fit, at least 1.
-
-    It follows from processors, or the user's limit of threads, and from free memory for pictures of so many
-    pixels.
-    """
+    """Return how many processes fit, 1 or more, by threads and by memory, for pictures of so many pixels."""
     room = memory.free() // (PROCESS + A_PIXEL * pixels)
     return max(1, min(limits.threads(), room))
 

@@ -55,11 +55,7 @@ def go_to(scene: bpy.types.Scene, frame: int) -> None:
 
 
 def check_frames(footage: Footage) -> None:
-    """Refuse a clip with frames that Blender does not have.
-
-    Raises:
-        UserError: naming the frame, and the way out.
-    """
+    """Refuse a clip with frames that Blender does not have, by a UserError."""
     if footage.frames[-1] > LAST_FRAME:
         raise UserError(f"{footage.path.name}: {_beyond(footage.frames[-1])}")
 

@@ -17,10 +17,6 @@ def is_newer(settings: bpy.types.PropertyGroup) -> bool:
 
 
 def check(settings: bpy.types.PropertyGroup) -> None:
-    """Check the version of a scene.
-
-    Raises:
-        UserError: A newer version made it.
-    """
+    """Refuse a scene that a newer version made, by a UserError."""
     if is_newer(settings):
         raise UserError(NEWER)

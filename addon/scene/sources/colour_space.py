@@ -44,12 +44,9 @@ def checked(name: str) -> str:
 
 
 def space_of(settings: bpy.types.PropertyGroup, footage: Footage) -> ColourSpace | None:
-    """Return the colour space of a clip by the user's setting, else by its tags; None for sRGB.
+    """Return the colour space of a clip by the user's setting, else by its tags; UserError if it is unusable.
 
-    The core decodes sRGB itself.
-
-    Raises:
-        UserError: It cannot be used.
+    None for sRGB, which the core decodes itself.
     """
     name = settings.colour_space or footage.colour_space
     return None if name in (SRGB, "sRGB") else colour_space(name)
@@ -68,8 +65,7 @@ def from_rec_709() -> Floats | None:
 def colour_space(name: str) -> ColourSpace:
     """Return a colour space of Blender's as curve, matrix to the working space and system gamma.
 
-    Raises:
-        UserError: Blender has none of this name, or it is of another kind (a view transform, no data).
+    UserError where Blender has none of this name, or it is of another kind (a view transform, no data).
     """
     return _taken_apart(checked(name), working_space())
 

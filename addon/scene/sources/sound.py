@@ -76,9 +76,7 @@ def sound_file(sound: bpy.types.Sound) -> Iterator[Path]:
 
 
 def sound_frame(footage: Footage) -> int:
-    """Return the frame of the timeline at which a clip's sound begins.
-
-    Strips lie at whole frames.
+    """Return the frame of the timeline at which a clip's sound begins: strips lie at whole frames.
 
     The clip's first picture is frame 1, whatever range is rendered.
     """

@@ -82,15 +82,9 @@ def as_bundle(
 
 
 def put_back(made: Solution, bundle: Bundle, posed: Ints, kept: Ints) -> None:
-    """Write an adjusted bundle of `as_bundle` into the solve.
+    """Write an adjusted bundle of `as_bundle`, of frames (k,) and tracks (p,), into the solve.
 
     Other points are dropped, and focal lengths are unchanged.
-
-    Args:
-        made: The solve.
-        bundle: The adjusted bundle.
-        posed: (k,) its frames.
-        kept: (p,) its tracks.
     """
     made.rotation[posed], made.translation[posed] = bundle.rotation, bundle.translation
     made.xyz[:] = np.nan

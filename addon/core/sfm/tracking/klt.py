@@ -279,16 +279,9 @@ def cell_size(picture: Bytes | Places, cells: int) -> int:
 
 
 def new_corners(gray: Bytes, points: Places) -> Places:
-    """Return the strongest corner of each cell of the frame without a point, if it is a corner.
+    """Return the strongest corner (k, 2) of each cell of a frame (H, W) without a point (n, 2), if it is one.
 
     Harris and Stephens, "A combined corner and edge detector", 1988. Borders and weak regions are included.
-
-    Args:
-        gray: (H, W) frame.
-        points: (n, 2) places of the points that the frame has.
-
-    Returns:
-        (k, 2) places.
     """
     return strongest_corners(gray, points, cv2.cornerHarris(gray, 3, 3, HARRIS_K), QUALITY**2, CELLS)
 

@@ -112,12 +112,7 @@ def track_features(footage: Footage, progress: Progress, watch: Watch = lambda *
 def match_features(footage: Footage, progress: Progress) -> Tracks:
     """Match SIFT keypoints between frames: it survives fast motion and finds features again after a gap.
 
-    Args:
-        footage: The clip.
-        progress: Called with the stage, done and all frames.
-
-    Raises:
-        UserError: The clip has too few frames.
+    UserError where the clip has too few frames.
     """
     return _followed(run(Matcher(), footage, progress))
 
