@@ -79,7 +79,7 @@ def test_turns_and_focal_length_of_a_pan(focal: float) -> None:
     off = [np.linalg.norm(cv2.Rodrigues(a @ b.T)[0]) for a, b in zip(between, true, strict=True)]
     # A third of a pixel, and what the focal length is off by over half of the pan.
     assert max(off) < 0.33 / focal + 0.25 * abs(made.focal[0] / focal - 1) + 1e-3
-    lasting = np.bincount(made.tracks.track) >= solution.MIN_VIEWS
+    lasting = np.bincount(made.tracks.track, minlength=made.tracks.count) >= solution.MIN_VIEWS
     assert np.isnan(made.xyz[lasting, 0]).mean() == pytest.approx(0.2, abs=0.07)
     np.testing.assert_array_equal(made.translation, 0)
 
