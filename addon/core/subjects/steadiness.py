@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Mask
+from .people import SMALLEST
 
 SIDE = 160
 """Pixels of the longer side that masks are compared at: an outline that is a pixel off counts little."""
@@ -17,8 +18,6 @@ LIKENESS, GROWTH = 0.35, 0.7
 """Intersection over union, and ratio of areas, below which two frames do not show one subject. In the
 benchmark's scenes a subject found in all frames has an IoU of at least 0.89, and two that cross have 0.37 and
 0.82 in their worst frames. A subject that is lost in most frames is below in 17 of 59."""
-SMALLEST = 0.002
-"""Share of the picture that is too small to be a subject. Chosen by inspection."""
 
 
 def jumps(masks: Iterable[Mask]) -> list[int]:

@@ -14,8 +14,8 @@ from ...base.errors import Remedy, UserError
 from ...camera.reconstruction import MEDIAN_DEPTH
 from ..adjustment import solution
 from ..adjustment.bundle_adjustment import adjust
-from ..adjustment.small_motion import LongTracks, robust_turn, rotation_only, select_observations
-from ..adjustment.solution import MIN_POINTS, Solution
+from ..adjustment.small_motion import LOSS, LongTracks, robust_turn, rotation_only, select_observations
+from ..adjustment.solution import MIN_POINTS, MIN_VIEWS, Solution
 from ..tracking.degeneracy import unit_rays
 from ..tracking.tracks import Progress, Tracks
 
@@ -24,16 +24,12 @@ KEYS = 60
 """Frames that are adjusted at once; the others follow from their points."""
 IN_FRAME = 40
 """Tracks that are adjusted with each of them, the longest that it sees."""
-MIN_VIEWS = 3
-"""Least number of these frames that see such a track."""
 STILL = 3.0
 """Times the median error of tracks from which on one moves by itself."""
 LEAST_TURN = 3.0
 """Degrees of turning below which the focal length is undetermined."""
 BOUNDS = (0.4, 2.5)
 """Bounds of a focal length from turning, in long sides of the frame."""
-LOSS = 1.0
-"""Pixels of a 1,000-pixel frame from which on a reprojection error loses weight (Huber)."""
 ROUNDS = 3
 """Times that points are found again without what misses them."""
 

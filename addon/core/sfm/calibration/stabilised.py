@@ -19,12 +19,11 @@ from ...base.errors import Remedy, UserError
 from ..adjustment.bundle import Observations
 from ..adjustment.small_motion import long_tracks, rank_correlation
 from ..adjustment.solution import CLOSE, Solution
+from ..tracking.degeneracy import MIN_SHARED
 
 # Chosen by inspection of solved clips.
 ROUNDS = 40
 """Rounds of alternating least squares."""
-MIN_TRACKS = 40
-"""Tracks that two keyframes must share to begin with, and whose depths can be compared."""
 MIN_GAIN = 1.2
 """Ratio of the scores of shifted pictures and of cameras that turn, past which a clip is refused."""
 TELLING_SCORE = 0.5
@@ -58,7 +57,7 @@ def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> Shi
     flow = place - place[0]
     spread = [
         float(np.nanmedian(np.abs(f - np.nanmedian(f, axis=0))))
-        if np.isfinite(f[:, 0]).sum() >= MIN_TRACKS else 0.0
+        if np.isfinite(f[:, 0]).sum() >= MIN_SHARED else 0.0
         for f in flow
     ]  # fmt: skip
     widest = int(np.argmax(spread))
@@ -133,7 +132,7 @@ class Compared:
 def compare(made: Solution, keys: list[int]) -> Compared | None:
     """Return a solve of the keyframes `keys` beside shifts; None where too few tracks span them."""
     span = long_tracks(made.tracks, keys)
-    if len(span.tracks) < MIN_TRACKS:
+    if len(span.tracks) < MIN_SHARED:
         return None
     found = fit_shifts(span.seen, span.frames, len(span.tracks), span.loss)
     if found is None:
@@ -149,7 +148,7 @@ def compare(made: Solution, keys: list[int]) -> Compared | None:
     middle = keys[len(keys) // 2]
     depth = (world @ made.rotation[middle].T + made.translation[middle])[:, 2]
     good = np.isfinite(depth) & (depth > 0)
-    enough = good.sum() >= MIN_TRACKS
+    enough = good.sum() >= MIN_SHARED
     order = rank_correlation(1 / depth[good], found.inverse_depth[good]) if enough else 1.0
     return Compared(_score(own, close), _score(found.error, close), abs(order))
 

@@ -17,19 +17,15 @@ from ...camera.reconstruction import rotation_vector
 from ..adjustment.bundle import Bundle
 from ..adjustment.bundle_adjustment import Adjusted, adjust
 from ..adjustment.distortion import SIGMA, undistorted
-from ..adjustment.small_motion import LongTracks, general_motion, robust_turn, rotation_only
+from ..adjustment.small_motion import LOSS, LongTracks, general_motion, robust_turn, rotation_only
 from ..adjustment.solution import Solution
-from ..tracking.degeneracy import unit_rays
+from ..tracking.degeneracy import MIN_SHARED, unit_rays
 from ..tracking.tracks import Tracks
 from .self_calibration import as_bundle
 
 # Lengths are in pixels of a 1,000-pixel frame.
 LONGEST, LONGEST_IN_FRAME = 300, 12
 """As of `self_calibration`, of the tracks that are compared."""
-MIN_TRACKS = 40
-"""Tracks with fewer of which nothing is compared."""
-LOSS = 1.0
-"""From which on an error loses weight (Huber)."""
 ZOOM_STEP = 0.1
 """Relative change of the focal length from a keyframe to the next that costs as much as an observation
 that is off by `LOSS`. Chosen by inspection, and wide: the pictures decide."""
@@ -72,7 +68,7 @@ class DepthEvidence:
 def depth_evidence(made: Solution) -> DepthEvidence | None:
     """Return the evidence of depth in the tracks that agree with a solve; None for too few."""
     bundle, seen, posed, kept = as_bundle(made, LONGEST, LONGEST_IN_FRAME)
-    if len(kept) < MIN_TRACKS:
+    if len(kept) < MIN_SHARED:
         return None
     tracks, long_side = made.tracks, max(made.tracks.width, made.tracks.height)
     loss = LOSS * long_side / 1000

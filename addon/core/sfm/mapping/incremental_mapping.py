@@ -30,7 +30,7 @@ from ..calibration.stabilised import refuse_shifted
 from ..calibration.stationary import WEAK, DepthEvidence, depth_evidence
 from ..tracking.degeneracy import StaysError, check_motion, only_turns
 from ..tracking.tracks import Progress, Tracks
-from .keyframes import adjust, keyframe_features, keyframes, map_keyframes
+from .keyframes import START_FOCAL, adjust, keyframe_features, keyframes, map_keyframes
 from .report import STAYS
 
 
@@ -52,8 +52,6 @@ class FocalPrior:
 
 
 # Chosen by inspection where no line below gives a measurement; checked by the solves of `make bench-solve`.
-START_FOCAL = 0.85
-"""Focal length to begin with, in long sides of the frame: a phone's main camera."""
 START_SIGMA = 0.2
 """Relative standard deviation of a focal length that nobody gave."""
 LONGER_FOCAL = 1.3

@@ -27,6 +27,8 @@ THREADS = 1
 whatever thread was faster, and the same clip gives one model today and another tomorrow."""
 
 # Chosen by inspection of solved clips.
+START_FOCAL = 0.85
+"""Focal length to begin with, in long sides of the frame: a phone's main camera."""
 LEAST = 40
 """Keyframes at least, of a clip that has as many frames."""
 STEP = 0.06

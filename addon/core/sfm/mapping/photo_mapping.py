@@ -20,16 +20,14 @@ from ...base.arrays import Ints
 from ...base.atomic import temporary_folder
 from ...base.errors import UserError
 from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction, normalise, outermost_angles
+from ..adjustment.solution import MIN_POINTS
 from ..tracking.photo_matching import Photo
 from ..tracking.tracks import Progress
-from .keyframes import mapped, mapper_options, new_camera, verify, write_database
+from .keyframes import START_FOCAL, mapped, mapper_options, new_camera, verify, write_database
 
 MODEL = "SIMPLE_RADIAL"
 
 # Chosen by inspection of solved photos where no line below gives a measurement.
-START_FOCAL = 0.85
-"""Initial focal length without a prior, in long sides of the photo: a phone's main camera. Wide angles
-correct it."""
 WIDE_ANGLES = (8.0, 4.0)
 """Degrees between two photos of a point to begin with, at which focal lengths are found, too; COLMAP's 16
 fail on photos taken from one place with a stretched arm."""
@@ -41,8 +39,6 @@ MAX_ERROR = 4.0
 """Pixels of a 1,000-pixel photo by which a match may miss its epipolar line: lenses bend."""
 MIN_ANGLE = 0.5
 """Median degrees between a point's outermost rays below which there is no depth in the photos."""
-MIN_POINTS = 12
-"""Points that a model must have."""
 
 
 @dataclass(frozen=True)

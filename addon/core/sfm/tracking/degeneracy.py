@@ -17,7 +17,7 @@ and 5 times the tracker is lost. Chosen by inspection."""
 FINE = 64
 """Parts of a clip between whose ends a fast scroll is looked for: its tracks soon leave the picture."""
 MIN_SHARED = 40
-"""Tracks that two frames must share to be compared. Chosen by inspection."""
+"""Tracks that two frames must share to be compared, and whose depths can be. Chosen by inspection."""
 MIN_MOTION = 0.3
 """Median motion of the tracks in pixels of a 1,000-pixel frame; less is a still camera. Chosen by
 inspection."""
