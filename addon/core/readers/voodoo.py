@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arrays import Floats
+from ..camera.intrinsics import MAX_SIDE
 from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from .building import ACCURATE, rotation_from, undistorting
 from .imported_model import ImportedModel
@@ -103,6 +104,9 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
 def _camera(text: Text, values: Floats) -> tuple[Intrinsics, Floats, float]:
     """Return lens, rotation, and the error of the converted distortion in pixels, from 28 numbers."""
     axis, across, down = values[3:6], values[6:9], values[9:12]
+    size = values[16:18]
+    if not np.all((size % 1 == 0) & (size >= 1) & (size <= MAX_SIDE)):
+        raise text.wrong(f"a picture of 1 to {MAX_SIDE} pixels across and down as numbers 17 and 18")
     problem = text.wrong("A, H and V of a camera: H and V across the viewing direction A of length 1")
     if not abs(np.linalg.norm(axis) - 1) < 1e-2:
         raise problem
@@ -114,10 +118,10 @@ def _camera(text: Text, values: Floats) -> tuple[Intrinsics, Floats, float]:
     if not min(fx, fy) > 1e-6:
         raise problem
     rotation = rotation_from(np.stack([across / fx, down / fy, axis]), problem)
-    centre = offset + values[16:18] / 2
+    centre = offset + size / 2
     # The last printed digits of one lens vary from frame to frame.
     place = np.round([fx, fy, *centre], DIGITS).tolist()
-    camera = lens(f"{text.path}, line {text.line}", "PINHOLE", (values[16], values[17]), place)
+    camera = lens(f"{text.path}, line {text.line}", "PINHOLE", (size[0], size[1]), place)
     k3, k5, focal = values[12], values[13], values[20]
     if k3 == 0 and k5 == 0:
         return camera, rotation, 0.0
