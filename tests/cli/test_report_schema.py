@@ -47,7 +47,7 @@ def test_reports_of_a_solve(registered: None, desk_work: Path) -> None:
         assert breaches("solve", {key: value for key, value in held.items() if key != name}), name
     for name, wrong in (
         ("frames", -1),
-        ("coverage", 1.5),
+        ("explained", 1.5),
         ("focal_from", "sky"),
         ("angle", [1, 2]),
         ("new", 0),
