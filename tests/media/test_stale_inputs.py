@@ -534,4 +534,4 @@ def test_nothing_of_pycolmaps_is_left_to_threads_or_chance() -> None:
     mapper = keyframes.mapper_options(3.0)
     assert mapper.num_threads == mapper.mapper.num_threads == 1
     assert mapper.random_seed == mapper.mapper.random_seed == mapper.triangulation.random_seed == 0
-    assert keyframes._adjustment_options(5).ceres.solver_options.num_threads == 1
+    assert keyframes._adjustment_options().ceres.solver_options.num_threads == 1

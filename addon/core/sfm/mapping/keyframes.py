@@ -229,13 +229,7 @@ def adjust(solution: Solution) -> None:
         for member in members:
             track.add_element(int(images[member]) + 1, int(place[member]))
         points[number] = model.add_point3D(solution.xyz[number], track)
-    options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = options.refine_extra_params = options.refine_principal_point = False
-    options.print_summary = False
-    options.ceres.loss_function_type = pycolmap.LossFunctionType.SOFT_L1
-    solver = options.ceres.solver_options
-    solver.num_threads, solver.max_num_iterations, solver.function_tolerance = THREADS, 25, 1e-5
-    pycolmap.bundle_adjustment(model, options)
+    pycolmap.bundle_adjustment(model, _adjustment_options())
     for number, point in points.items():
         solution.xyz[number] = model.points3D[point].xyz
     for index in np.unique(images):
@@ -244,3 +238,14 @@ def adjust(solution: Solution) -> None:
     if not chosen.all():
         solution.xyz[~chosen] = np.nan
         triangulate(solution)
+
+
+def _adjustment_options() -> pycolmap.BundleAdjustmentOptions:
+    """Bundle adjustment with a soft loss, intrinsics held."""
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_focal_length = options.refine_extra_params = options.refine_principal_point = False
+    options.print_summary = False
+    options.ceres.loss_function_type = pycolmap.LossFunctionType.SOFT_L1
+    solver = options.ceres.solver_options
+    solver.num_threads, solver.max_num_iterations, solver.function_tolerance = THREADS, 25, 1e-5
+    return options
