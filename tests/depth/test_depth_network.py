@@ -12,7 +12,7 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.depth.depth_network import DepthNetwork
-from addon.core.depth.map_fit import fit_clip, fit_depth
+from addon.core.depth.map_fit import fit_clip
 from addon.core.depth.user_maps import open_depth
 from addon.core.media.clip import Footage, FrameRange, open_footage
 from addon.core.media.clip_identity import clip_digest
@@ -20,6 +20,7 @@ from addon.core.media.copying import copy_pictures
 from addon.core.media.light import decode_srgb
 from addon.core.media.masks import open_masks
 
+from ..map_fits import fitted
 from ..onnx_files import Side, network, node
 
 WIDTH, HEIGHT, COUNT = 96, 54, 6
@@ -79,7 +80,7 @@ def test_what_it_says_is_fitted_as_any_map(tmp_path: Path, clip: Footage, shape:
     assert fit.kind == "inverse"
     inside = np.s_[1:-1, 1:-1]
     for frame in (1, 4, COUNT, 2):
-        found = fit_depth(maps.read(frame), *features(frame), fit).inverse_depth
+        found = fitted(maps.read(frame), *features(frame), fit)
         # Half a step of 8 bits, and what a quarter of the pixels makes of a slope: at the rim it is flat.
         off = 0.4 * (0.5 / 255 + 0.25 * (0.3 / HEIGHT + 0.04 * frame / WIDTH))
         assert np.abs(found - (0.4 * true_red(frame) + 0.05))[inside].max() < off

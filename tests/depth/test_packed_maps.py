@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.depth.map_fit import ClipFit, FrameLine, fit_clip, fit_depth, steadied
+from addon.core.depth.map_fit import ClipFit, FrameLine, fit_clip, steadied
 from addon.core.depth.user_maps import DepthMaps, open_depth
 from addon.core.media import picture_file
 from addon.core.media.clip import Footage, FrameRange, open_footage
@@ -20,6 +20,7 @@ from addon.core.media.copying import copy_pictures
 from addon.scene.base import exr
 
 from ..exr_files import one_channel
+from ..map_fits import fitted
 
 WIDTH, HEIGHT, COUNT = 48, 30, 6
 
@@ -113,7 +114,7 @@ def test_each_tools_file_comes_back_as_true_inverse_depth(
     fit = fit_clip(maps, features)
     assert fit.kind == holds
     for frame in (1, 4, COUNT, 2):
-        found = fit_depth(maps.read(frame), *features(frame), fit).inverse_depth
+        found = fitted(maps.read(frame), *features(frame), fit)
         # Half floats have 11 bits.
         np.testing.assert_allclose(found, 0.4 / true_depth(frame), rtol=2e-3, atol=1e-4)
 
@@ -158,10 +159,10 @@ def test_what_is_cut_at_zero_is_far_and_holes_of_depth_are_not(tmp_path: Path, c
     depth[:, :4, :4] = 0
     np.savez(tmp_path / "holes.npz", depths=depth)
     cut, holes = (open_depth(tmp_path / name, clip) for name in ("cut.npz", "holes.npz"))
-    found = fit_depth(cut.read(1), *features(1), fit_clip(cut, features)).inverse_depth
+    found = fitted(cut.read(1), *features(1), fit_clip(cut, features))
     assert np.isfinite(found).all()
     np.testing.assert_allclose(found[inverse[0] < 0], 0.4 * 0.13, rtol=1e-3)
-    found = fit_depth(holes.read(1), *features(1), fit_clip(holes, features)).inverse_depth
+    found = fitted(holes.read(1), *features(1), fit_clip(holes, features))
     assert np.isnan(found[:4, :4]).all()
     assert np.isfinite(found[4:, 4:]).all()
 

@@ -13,7 +13,6 @@ from itertools import pairwise
 import numpy as np
 
 from ..base.arrays import Floats
-from ..base.counting import counted
 from ..base.errors import UserError
 from .user_maps import DepthMap, DepthMaps
 
@@ -93,31 +92,6 @@ class FrameLine:
     """(2, 2) the inverse of their covariance; 0 where the frame has too few features."""
 
 
-@dataclass(frozen=True)
-class Fitted:
-    """One map in the units of the reconstruction."""
-
-    frame: int
-    kind: str
-    """Kind of the map, one of `KINDS`."""
-    scale: float
-    """z or 1 / z, in the reconstruction's unit, of a step of the stored value."""
-    shift: float
-    """z or 1 / z, in the reconstruction's unit, of the stored value 0."""
-    residual: float
-    """Median distance of the features from the map, as a share of the clip's median inverse depth."""
-    explained: float
-    """Share of the features' deviation from the best single depth that the map explains, up to 1."""
-    inverse_depth: Floats
-    """(H, W) 1 / z in 1 / scene units at the clip's pixels; 0 is infinitely far, NaN unknown."""
-
-    def at(self, xy: Floats) -> Floats:
-        """Return (n,) inverse depth at (n, 2) pixels of the clip's picture: of the pixel that they are in."""
-        height, width = self.inverse_depth.shape
-        column, row = np.floor(xy).astype(int).T
-        return np.asarray(self.inverse_depth[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)])
-
-
 def fit_clip(maps: DepthMaps, features: Callable[[int], tuple[Floats, Floats]]) -> ClipFit:
     """Decide on a few frames what a clip's maps hold, depth or inverse depth, and the usual scale and shift.
 
@@ -145,7 +119,11 @@ def fit_clip(maps: DepthMaps, features: Callable[[int], tuple[Floats, Floats]]) 
 
 
 def frame_line(depth: DepthMap, xy: Floats, inverse_depth: Floats, clip: ClipFit) -> FrameLine:
-    """Return the line of a frame by its own features, as of `fit_depth`."""
+    """Return the line of a frame by its own features.
+
+    It comes from random pairs (MSAC: Torr and Zisserman, "MLESAC", 2000), then from least squares with
+    Huber's weights.
+    """
     stored, inverse = _sampled(depth, xy, inverse_depth)
     if len(stored) < MIN_POINTS:
         return FrameLine(depth.frame, clip.line, np.zeros((2, 2)))
@@ -186,32 +164,27 @@ def fit_depth(
     depth: DepthMap,
     xy: Floats,
     inverse_depth: Floats,
-    clip: ClipFit | None = None,
-    line: Floats | None = None,
-) -> Fitted:
+    clip: ClipFit,
+    line: Floats,
+) -> Floats:
     """Bring a map to the units of the reconstruction, and to the clip's size.
-
-    Slope and offset come from random pairs (MSAC: Torr and Zisserman, "MLESAC", 2000), then from least
-    squares with Huber's weights. With `clip`, the clip's usual slope and offset are a prior, as narrow as
-    they vary from frame to frame: frames with few points, or with all at one depth, stay near them.
 
     Args:
         depth: The map.
         xy: (n, 2) features in pixels of the clip's picture.
         inverse_depth: (n,) there, in 1 / scene units.
-        clip: The common fit; without it the better kind is chosen.
-        line: (2,) known slope and offset, as of `steadied`.
+        clip: The common fit.
+        line: (2,) slope and offset, as of `steadied`.
+
+    Returns:
+        (H, W) 1 / z in 1 / scene units at the clip's pixels; 0 is infinitely far, NaN unknown.
 
     Raises:
         UserError: The map does not fit the features.
     """
     stored, inverse = _sampled(depth, xy, inverse_depth)
-    if clip is None:
-        clip = _fit_alone(depth, stored, inverse)
     u, y = (stored - clip.centre) / clip.span, inverse / clip.unit
-    if line is None:
-        line = steadied([frame_line(depth, xy, inverse_depth, clip)], depth.frame, clip)
-    residual, missed, constant = _missed(clip.kind, line, u, y)
+    missed, constant = _missed(clip.kind, line, u, y)
     if len(u) >= MIN_POINTS and missed > max(EXPLAINS * constant, USUAL * clip.missed):
         raise _refusal(depth.frame, depth.name, missed, constant)
     stored = depth.values if clip.kind == "inverse" else np.where(depth.values == 0, np.nan, depth.values)
@@ -220,14 +193,7 @@ def fit_depth(
         # Noise puts far things behind infinity.
         whole = np.maximum(whole, 0.0)
     whole[~(whole <= NEAREST * max([clip.nearest, *inverse.tolist()]))] = np.nan
-    in_units = clip.unit if clip.kind == "inverse" else 1 / clip.unit
-    scale = line[0] / clip.span
-    return Fitted(
-        depth.frame, clip.kind,
-        scale=float(scale * in_units), shift=float((line[1] - scale * clip.centre) * in_units),
-        residual=residual, explained=1 - missed / constant if len(u) else 0.0,
-        inverse_depth=_resampled(whole, depth.width, depth.height),
-    )  # fmt: skip
+    return _resampled(whole, depth.width, depth.height)
 
 
 def _sampled(depth: DepthMap, xy: Floats, inverse_depth: Floats) -> tuple[Floats, Floats]:
@@ -240,20 +206,6 @@ def _sampled(depth: DepthMap, xy: Floats, inverse_depth: Floats) -> tuple[Floats
     return stored[known], inverse_depth[inside][known]
 
 
-def _fit_alone(depth: DepthMap, stored: Floats, inverse: Floats) -> ClipFit:
-    """The fit of the kind that misses less, with nothing to compare it with."""
-    if len(stored) < MIN_POINTS:
-        raise UserError(
-            f"{depth.name} knows the depth of {counted(len(stored), 'feature point')} of frame {depth.frame},"
-            f" {MIN_POINTS} are needed; leave the frame out or solve the clip again"
-        )
-    alone = [_fit_clip(kind, [(depth.frame, stored, inverse)]) for kind in KINDS]
-    clip, ((missed, constant),) = min(alone, key=lambda one: float(one[1][0, 0]))
-    if missed > EXPLAINS * constant:
-        raise _refusal(depth.frame, depth.name, missed, constant)
-    return clip
-
-
 def _fit_clip(kind: str, seen: list[tuple[int, Floats, Floats]]) -> tuple[ClipFit, Floats]:
     """The fit of frames, their stored values and inverse depths; and (k, 2) what it and a constant miss."""
     everything = np.concatenate([stored for _, stored, _ in seen])
@@ -263,7 +215,7 @@ def _fit_clip(kind: str, seen: list[tuple[int, Floats, Floats]]) -> tuple[ClipFi
     span = float(high - low) or 1.0
     scaled = [((stored - centre) / span, inverse / unit) for _, stored, inverse in seen]
     lines = np.array([_line(kind, u, y)[0] for u, y in scaled])
-    misses = np.array([_missed(kind, line, u, y)[1:] for line, (u, y) in zip(lines, scaled, strict=True)])
+    misses = np.array([_missed(kind, line, u, y) for line, (u, y) in zip(lines, scaled, strict=True)])
     line = np.median(lines, axis=0)
     spread = 1.4826 * np.median(np.abs(lines - line), axis=0)
     missed = float(np.median(misses[:, 0]))
@@ -317,14 +269,14 @@ def _cap(y: Floats) -> float:
     return max(CAP * float(np.median(np.abs(y - median))), LEAST_CAP * median)
 
 
-def _missed(kind: str, line: Floats, u: Floats, y: Floats) -> tuple[float, float, float]:
-    """How far inverse depths y (n,) lie from a line, in median and in mean, and the best constant's mean."""
+def _missed(kind: str, line: Floats, u: Floats, y: Floats) -> tuple[float, float]:
+    """Mean distance of inverse depths y (n,) from a line, and from the best constant."""
     if not len(y):
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0
     off = np.abs(_inverse(kind, line, u) - y)
     levels = np.percentile(y, np.arange(5, 100, 5))
     constant = np.minimum(np.abs(levels[:, None] - y), _cap(y)).mean(axis=1).min()
-    return float(np.median(off)), float(np.minimum(off, _cap(y)).mean()), max(float(constant), 1e-12)
+    return float(np.minimum(off, _cap(y)).mean()), max(float(constant), 1e-12)
 
 
 def _refusal(frame: int, name: str, missed: float, constant: float) -> UserError:

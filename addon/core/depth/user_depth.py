@@ -15,7 +15,7 @@ from ..base.nearest_fill import nearest
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
 from .completed_depth import stepped
-from .map_fit import ClipFit, Fitted, FrameLine, fit_clip, fit_depth, frame_line, steadied
+from .map_fit import ClipFit, FrameLine, fit_clip, fit_depth, frame_line, steadied
 from .map_fusion import level_of
 from .source import DepthSource, PixelDepth
 from .sparse import DepthSamples, frame_features
@@ -85,7 +85,7 @@ class UserDepth(DepthSource):
 
     def _without_holes(self, frame: int) -> Map:
         """(h, w) a frame's fitted map, what is unknown like the nearest known; errors as of `at`."""
-        values = self._fitted(frame).inverse_depth
+        values = self._fitted(frame)
         whole = np.nan_to_num(nearest(values, ~np.isnan(values))).astype(np.float32)
         # For a camera that stays, no stereo has better edges than the map.
         return stepped(whole, level_of(whole)) if self.reconstruction.stays else whole
@@ -156,7 +156,8 @@ class UserDepth(DepthSource):
         clip = self.maps.footage
         return np.array([canvas.camera.width / clip.width, canvas.camera.height / clip.height])
 
-    def _fitted(self, frame: int) -> Fitted:
+    def _fitted(self, frame: int) -> Floats:
+        """Return (H, W) the fitted map of a frame."""
         near = [each for each in self.maps.frames if abs(each - frame) <= AROUND]
         lines = [self._lines.get(each, partial(self._own_line, each)) for each in near]
         seen, inverse_depth = _features(self.reconstruction, frame)
@@ -188,17 +189,16 @@ def _features(reconstruction: Reconstruction, frame: int) -> tuple[Floats, Float
     return canvas.features_to_source(found.observed), found.inverse_depth
 
 
-def grid_features(fitted: Fitted, step: float) -> tuple[Floats, Floats]:
-    """Vertices for a warp mesh: a regular grid about `step` pixels apart, places that are unknown dropped.
+def grid_features(fitted: Floats, step: float) -> tuple[Floats, Floats]:
+    """Return known places (n, 2) of a regular grid over a fitted map (H, W), and their inverse depths (n,).
 
-    Places (n, 2) in pixels of the clip's picture, from the centre of its first pixel to that of its last, and
-    inverse depths (n,).
+    They are about `step` pixels apart, from the centre of the first pixel to that of the last.
     """
-    height, width = fitted.inverse_depth.shape
+    height, width = fitted.shape
     across = np.linspace(0.5, width - 0.5, max(2, round((width - 1) / step) + 1))
     down = np.linspace(0.5, height - 0.5, max(2, round((height - 1) / step) + 1))
     # The centre of the pixel that a place is in, since the map is known there.
-    xy = np.floor(np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)) + 0.5
-    inverse = fitted.at(xy)
+    column, row = np.floor(np.meshgrid(across, down)).astype(int).reshape(2, -1)
+    inverse = fitted[row, column]
     known = np.isfinite(inverse)
-    return xy[known], inverse[known]
+    return np.column_stack([column, row])[known] + 0.5, inverse[known]
