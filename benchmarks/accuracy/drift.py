@@ -140,9 +140,7 @@ def rendered(
     height, width = picture.shape[:2]
     with ExitStack() as stack:
         if gains is not None:
-            own = disocclusion_fill._gain
-            bounded = patch.object(disocclusion_fill, "_gain", lambda a, b, bounds: own(a, b, gains))
-            stack.enter_context(bounded)
+            stack.enter_context(patch.object(disocclusion_fill, "GAINS", gains))
         if knows_falloff:
             share = filmed.drift.falloff(width, height)[..., 0]
             stack.enter_context(patch.object(SourceView, "colours", by_falloff(share, SourceView.colours)))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.depth.map_fusion import BEYOND, BORDER, FusionOptions, level_of, past_border
+from addon.core.depth.map_fusion import BEYOND, FusionOptions, level_of, past_border
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.reprojection import in_place
 from addon.core.media.light import decode_srgb, encode_srgb
@@ -218,7 +218,7 @@ class Staged:
                 known = DenseDepth(
                     image.frame, inverse, np.ones_like(inverse), self.moves(image.frame), camera
                 )
-                stack.append(in_place(known, image, camera, here, margin, BORDER))
+                stack.append(in_place(known, image, camera, here, margin))
         inside = (1 / self.depth(frame)).astype(np.float32)
         return past_border(stack, inside, level_of(inside))
 

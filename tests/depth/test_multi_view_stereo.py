@@ -14,7 +14,7 @@ from addon.core.base.arrays import Floats
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo, StereoOptions
-from addon.core.depth.view_selection import SelectionOptions, parallaxes, select_source_views
+from addon.core.depth.view_selection import parallaxes, select_source_views
 from addon.core.media.light import decode_srgb, encode_srgb
 
 from .. import planes
@@ -239,9 +239,8 @@ def test_neighbours_are_chosen_by_baseline_and_not_by_count() -> None:
         steps = np.linspace(-0.4, 0.4, count)
         images = poses(np.column_stack([steps, 0 * steps, 0 * steps])).images
         own = images[count // 2]
-        options = SelectionOptions()
-        seen = parallaxes(own, LENS, ((i, LENS) for i in images), (0.1, 0.25), options)
-        near = select_source_views(own, seen, (12.0, 4.0), options)
+        seen = parallaxes(own, LENS, ((i, LENS) for i in images), (0.1, 0.25))
+        near = select_source_views(own, seen, (12.0, 4.0))
         chosen.append(sorted(round(one.image.centre[0], 1) for one in near))
         assert sorted(one.side for one in near) == [-1, -1, 1, 1]
     assert chosen[0] == chosen[1] == [-0.3, -0.1, 0.1, 0.3]

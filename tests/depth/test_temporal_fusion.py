@@ -139,11 +139,11 @@ def test_how_near_others_would_see_something() -> None:
     """In a frame beside, a place moves by its parallax, and is seen until that takes it past the border."""
     apart = 0.5
     (here, there), wall = poses(np.array([[0, 0, 0], [apart, 0, 0.0]])).images, depth(2, WALL, 1.0)
-    border, margin = 4, 7
-    nearest = in_place(wall, there, LENS, here, margin, border)[2][20, margin:-margin]
-    np.testing.assert_allclose(nearest, (X[0] - border) / (LENS.fx * apart), atol=1e-5)
+    margin = 7
+    nearest = in_place(wall, there, LENS, here, margin)[2][20, margin:-margin]
+    np.testing.assert_allclose(nearest, (X[0] - BORDER) / (LENS.fx * apart), atol=1e-5)
     # The frame itself sees what is at any depth.
-    assert np.isinf(in_place(replace(wall, frame=1), here, LENS, here, margin, border)[2]).all()
+    assert np.isinf(in_place(replace(wall, frame=1), here, LENS, here, margin)[2]).all()
 
 
 # One frame

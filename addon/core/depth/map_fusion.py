@@ -193,7 +193,7 @@ def without_outliers(picture: Bytes, inverse: Map, confidence: Map, level: float
     """
     own, (low, high) = _own_share(confidence), OUTLIER_SHARES
     sure = (confidence > UNSURE).astype(np.float32)
-    share = _mean_around(sure, OUTLIER_WINDOW, BORDER)
+    share = _mean_around(sure, OUTLIER_WINDOW)
     free = np.clip((share - low) / (high - low), 0, 1) * own
     # Where almost all is one depth there are no levels, and whatever is another one is an outlier.
     outlier = max(OUTLIER * level, TINY)
@@ -210,15 +210,15 @@ def without_outliers(picture: Bytes, inverse: Map, confidence: Map, level: float
 def _in_hole(own: Map, window: float) -> Map:
     """(h, w) how far each pixel is surrounded by known depths, within a window (share of the long side)."""
     low, high = HOLE_SHARE
-    share = (_mean_around(own, window, BORDER) - low) / (high - low)
+    share = (_mean_around(own, window) - low) / (high - low)
     return np.asarray(np.clip(share, 0, 1), np.float32)
 
 
-def _mean_around(values: Map, window: float, border: int) -> Map:
+def _mean_around(values: Map, window: float) -> Map:
     """(h, w) mean over a square whose side is a share of the long one, without the border's pixels."""
     around = 2 * (int(window * max(values.shape)) // 2) + 1
     inner = np.zeros(values.shape, np.float32)
-    inner[border:-border, border:-border] = 1
+    inner[BORDER:-BORDER, BORDER:-BORDER] = 1
     total, known = (
         cv2.blur(part, (around, around), borderType=cv2.BORDER_CONSTANT) for part in (inner * values, inner)
     )

@@ -7,7 +7,7 @@ each pixel's inverse depth. Moving pixels of a mask have no depth here.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -17,14 +17,14 @@ from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
-from ..media.light import encode_srgb
+from ..media.light import to_rgb8
 from ..media.picture_file import Pixels
 from .completion import interpolate, smooth, splat
 from .matching import Features, Matcher, matched_levels, winning_levels
 from .plane_sweep import View, small_picture
 from .source import FAINTEST
 from .sparse import frame_features
-from .view_selection import Neighbour, SelectionOptions, parallaxes, relative_pose, select_source_views
+from .view_selection import Neighbour, parallaxes, relative_pose, select_source_views
 
 Moving = Callable[[int], Map | Mask | None]
 """Returns the opacity in [0, 1] of moving pixels (h, w) in a source frame, at any size; None if unknown."""
@@ -70,8 +70,6 @@ class StereoOptions:
     """Least and largest number of depth levels. Chosen by inspection."""
     probe_share: float = 0.01
     """Share of the picture that must be nearer than all points to be believed. Chosen by inspection."""
-    selection: SelectionOptions = field(default_factory=SelectionOptions)
-    """How the neighbours are chosen."""
 
     def of_photos(self) -> StereoOptions:
         """Return the options for unordered photos.
@@ -79,10 +77,7 @@ class StereoOptions:
         Where they stand far apart, a level is a step of many pixels, and things nearer than all points are
         found by chance: kermit (real data) has no depth otherwise.
         """
-        levels = self.levels[0], PHOTO_LEVELS
-        return replace(
-            self, levels=levels, probe_share=1.0, selection=replace(self.selection, frame_penalty=0.0)
-        )
+        return replace(self, levels=(self.levels[0], PHOTO_LEVELS), probe_share=1.0)
 
 
 MASKED = 85
@@ -233,7 +228,7 @@ class PlaneSweepStereo:
         canvas = self._canvas(image)
         size = (canvas.camera.width, canvas.camera.height)
         checkpoint()
-        small = cv2.resize(_displayed(self._read(image.frame)), size, interpolation=cv2.INTER_AREA)
+        small = cv2.resize(to_rgb8(self._read(image.frame)), size, interpolation=cv2.INTER_AREA)
         small = np.dstack([small, np.full(small.shape[:2], 255, np.uint8)])
         small = _straightened(small, canvas) if canvas.camera.is_distorted else small
         small[self.on_canvas(image, self._unseen(image.frame) if self._unseen else None), 3] = MASKED
@@ -301,15 +296,14 @@ class PlaneSweepStereo:
     ) -> list[Neighbour]:
         """The source views in which a span of inverse depths moves apart by shares of the widest parallax."""
         pinhole = self._canvas(image).pinhole
-        selection = self._options.selection
 
         def found() -> list[tuple[Image, float]]:
             others = [(each, self._canvas(each).pinhole) for each in self._rec.images if each is not image]
-            return parallaxes(image, pinhole, others, span, selection)
+            return parallaxes(image, pinhole, others, span)
 
         wanted = [share * WIDEST_PARALLAX * max(pinhole.width, pinhole.height) for share in shares]
         possible = self._parallaxes.get((image.frame, span), found)
-        return select_source_views(image, possible, wanted, selection)
+        return select_source_views(image, possible, wanted, self._rec.is_ordered)
 
     def _view(self, image: Image, own: Bytes, near: Neighbour, middle: float) -> View:
         """A source view with its homographies, as bright as the frame (h, w, 4) at an inverse depth."""
@@ -325,16 +319,6 @@ class PlaneSweepStereo:
 def pixel_matrix(camera: Intrinsics) -> Floats:
     """Return (3, 3) calibration matrix K of a pinhole, with OpenCV's pixel centres."""
     return np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
-
-
-def _displayed(picture: Pixels) -> Bytes:
-    """(H, W, 3 or 4) as stored -> (H, W, 3) uint8, display encoded."""
-    rgb = picture[..., :3]
-    if rgb.dtype == np.float32:
-        return np.round(255 * encode_srgb(np.clip(np.nan_to_num(rgb), 0, 1))).astype(np.uint8)
-    if rgb.dtype == np.uint16:
-        return (rgb // 256).astype(np.uint8)
-    return np.ascontiguousarray(rgb, dtype=np.uint8)
 
 
 def _straightened(picture: Bytes, canvas: Canvas) -> Bytes:

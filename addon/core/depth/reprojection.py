@@ -9,12 +9,13 @@ import numpy as np
 
 from ..base.arrays import Map
 from ..camera.reconstruction import Image, Intrinsics
+from .map_fusion import BORDER
 from .multi_view_stereo import DenseDepth, pixel_matrix
 from .view_selection import relative_pose
 
 
 def in_place(
-    depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, margin: int, border: int
+    depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, margin: int
 ) -> tuple[Map, Map, Map]:
     """Reproject a frame's depth into another frame.
 
@@ -26,26 +27,25 @@ def in_place(
         camera: Pinhole of the other frame.
         here: The other frame.
         margin: m pixels around its picture.
-        border: Pixels at the frame's own border with hardly any weight.
 
     Returns:
         (h + 2 m, w + 2 m) inverse depth; its weight, the confidence, 0 in unseen pixels; and the largest
             inverse depth at which the frame would see something there.
     """
     if image.frame == here.frame:
-        inverse, weight = (np.pad(part, margin) for part in (depth.inverse_depth, _weight(depth, border)))
+        inverse, weight = (np.pad(part, margin) for part in (depth.inverse_depth, _weight(depth)))
         return inverse, weight, np.full_like(inverse, np.inf)
     wide = replace(
         camera, width=camera.width + 2 * margin, height=camera.height + 2 * margin,
         cx=camera.cx + margin, cy=camera.cy + margin,
     )  # fmt: skip
-    return *_reprojected(depth, image, wide, here, border), _nearest_seen(depth, image, wide, here, border)
+    return *_reprojected(depth, image, wide, here), _nearest_seen(depth, image, wide, here)
 
 
-def _nearest_seen(depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, border: int) -> Map:
+def _nearest_seen(depth: DenseDepth, image: Image, camera: Intrinsics, here: Image) -> Map:
     """(h, w) largest inverse depth at which another frame sees the rays of a frame's pixels.
 
-    Nearer things are past its picture, less `border` pixels, or behind its camera: it sees the background,
+    Nearer things are past its picture, less `BORDER` pixels, or behind its camera: it sees the background,
     and has no evidence about them. Homogeneous places, and the sides of the picture, are linear in inverse
     depth.
     """
@@ -54,7 +54,7 @@ def _nearest_seen(depth: DenseDepth, image: Image, camera: Intrinsics, here: Ima
     far, step = there @ rotation @ np.linalg.inv(pixel_matrix(camera)), there @ translation
     height, width = depth.inverse_depth.shape
     sides = np.array([
-        [1, 0, -border], [-1, 0, width - 1 - border], [0, 1, -border], [0, -1, height - 1 - border],
+        [1, 0, -BORDER], [-1, 0, width - 1 - BORDER], [0, 1, -BORDER], [0, -1, height - 1 - BORDER],
         [0, 0, 1],
     ])  # fmt: skip
     x, y = np.arange(camera.width, dtype=np.float32), np.arange(camera.height, dtype=np.float32)[:, None]
@@ -66,17 +66,15 @@ def _nearest_seen(depth: DenseDepth, image: Image, camera: Intrinsics, here: Ima
     return nearest
 
 
-def _weight(depth: DenseDepth, border: int) -> Map:
-    """(h, w) confidence, a little everywhere, and no more in `border` pixels at the picture's border."""
+def _weight(depth: DenseDepth) -> Map:
+    """(h, w) confidence, a little everywhere, and no more in `BORDER` pixels at the picture's border."""
     weight = np.maximum(depth.confidence, np.float32(1e-3))
     inner = np.zeros(weight.shape, bool)
-    inner[border:-border, border:-border] = True
+    inner[BORDER:-BORDER, BORDER:-BORDER] = True
     return np.where(inner, weight, np.float32(1e-3))
 
 
-def _reprojected(
-    depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, border: int
-) -> tuple[Map, Map]:
+def _reprojected(depth: DenseDepth, image: Image, camera: Intrinsics, here: Image) -> tuple[Map, Map]:
     """(h, w) inverse depth of another frame in a frame's pixels, the nearest one, and its confidence.
 
     Confidence is 0 in empty pixels.
@@ -95,7 +93,7 @@ def _reprojected(
     shape = (camera.height, camera.width)
     inside = (places[2] > 0.05) & (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
     inside &= ~depth.moving
-    value, weight = (depth.inverse_depth / ahead)[inside], _weight(depth, border)[inside]
+    value, weight = (depth.inverse_depth / ahead)[inside], _weight(depth)[inside]
     at = (row * shape[1] + column)[inside]
     inverse, confidence = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     np.maximum.at(inverse.ravel(), at, value)

@@ -17,7 +17,6 @@ from ..camera.reconstruction import Image, Reconstruction
 from .depth_store import DepthStore
 from .map_fusion import (
     BEYOND,
-    BORDER,
     KEPT_FRAMES,
     LEAST_FRAMES,
     FusionOptions,
@@ -125,7 +124,7 @@ class TemporalFusion:
         """`in_place` of a key frame for another frame."""
         checkpoint(1.0)
         pinhole, margin = self._stereo.pinhole(here.frame), self._margin(here.frame)
-        return in_place(depth, image, pinhole, here, margin, BORDER)
+        return in_place(depth, image, pinhole, here, margin)
 
     def _margin(self, frame: int) -> int:
         """Pixels past a frame's border to which depth is found."""

@@ -17,17 +17,11 @@ SPREAD = 16
 LEAST_DEPTH_RATIO = 0.1
 """A place whose depth shrinks below this share on the way to a frame is out of its sight. Chosen by
 inspection."""
+FRAME_PENALTY = 0.005
+"""How much worse a frame is for each frame of distance in time, in logarithms of its parallax. Chosen by
+inspection."""
 LEAST_OVERLAP = 0.5
 """Share of the picture that a source view has to see. Chosen by inspection."""
-
-
-@dataclass(frozen=True)
-class SelectionOptions:
-    """Which frames can be source views."""
-
-    frame_penalty: float = 0.005
-    """How much worse a frame is for each frame of distance in time, in logarithms of its parallax. Chosen by
-    inspection."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +95,6 @@ def parallaxes(
     camera: Intrinsics,
     others: Iterable[tuple[Image, Intrinsics]],
     span: tuple[float, float],
-    options: SelectionOptions,
 ) -> list[tuple[Image, float]]:
     """Find the frames that can be source views of a frame.
 
@@ -110,7 +103,6 @@ def parallaxes(
         camera: Its pinhole.
         others: Other frames with their pinholes.
         span: Least and largest inverse depth, in 1 / scene units.
-        options: Limits of the choice.
 
     Returns:
         The frames with enough overlap, each with the median distance in pixels between the places of both
@@ -123,20 +115,24 @@ def parallaxes(
         (other, parallax)
         for other, pinhole in others
         if other.frame != image.frame
-        and (parallax := _parallax(image, other, pinhole, rays, span, options)) is not None
+        and (parallax := _parallax(image, other, pinhole, rays, span)) is not None
     ]
 
 
 def select_source_views(
-    image: Image, found: Sequence[tuple[Image, float]], wanted: Sequence[float], options: SelectionOptions
+    image: Image, found: Sequence[tuple[Image, float]], wanted: Sequence[float], is_ordered: bool = True
 ) -> list[Neighbour]:
-    """Return the best frame of `parallaxes` on either side for each wanted parallax in pixels."""
+    """Return the best frame of `parallaxes` on either side for each wanted parallax in pixels.
+
+    Of frames that are `is_ordered` in time, nearer ones are preferred.
+    """
     if not found:
         return []
     baselines = np.array([image.rotation @ (other.centre - image.centre) for other, _ in found])
     main_axis = np.linalg.svd(baselines, full_matrices=False)[2][0]
     side = np.where(baselines @ main_axis < 0, -1, 1)
-    penalty = np.array([options.frame_penalty * abs(other.frame - image.frame) for other, _ in found])
+    away = np.array([abs(other.frame - image.frame) for other, _ in found])
+    penalty = is_ordered * FRAME_PENALTY * away
     size = np.log(np.maximum([parallax for _, parallax in found], 1e-9))
     chosen = []
     for own in (-1, 1):
@@ -154,7 +150,6 @@ def _parallax(
     camera: Intrinsics,
     rays: Floats,
     span: tuple[float, float],
-    options: SelectionOptions,
 ) -> float | None:
     """Median distance over rays (n, 3), in another frame's pixels, between both ends of a span.
 

@@ -87,9 +87,7 @@ class MeshedFrame:
         """The selected number of views, or that for its largest blur disc in its quality."""
         return _count(self.geometry.settings, self.blur, self.geometry.mesher.is_prefiltered)
 
-    def through(
-        self, count: int, prefiltered: bool = True, reuse: bool = False, variant: int = 0
-    ) -> WarpedFrame:
+    def through(self, count: int, prefiltered: bool = True, reuse: bool = False) -> WarpedFrame:
         """Prepare the frame for a number of views.
 
         Args:
@@ -97,7 +95,6 @@ class MeshedFrame:
             prefiltered: True to blur the texture for the views, if the mesher allows it.
             reuse: True to write over the surface's texture, which saves memory; the surface cannot be used
                 afterwards.
-            variant: Gives other views of the same aperture.
         """
         began = time.perf_counter()
         geometry, mesh, texture, share = self.geometry, self.surface.mesh, self.surface.texture, 1.0
@@ -106,7 +103,7 @@ class MeshedFrame:
             # Layers are displaced by the lens for which they were made.
             mesh, share = moved.mesh(mesh), moved.aperture_share
             geometry = replace(geometry, canvas=moved.canvas, lens=moved.lens)
-        views = mesher.views(geometry, count, variant)
+        views = mesher.views(geometry, count, 0)
         if prefiltered and mesher.is_prefiltered:
             spread, of_layers = np.float32(views.spread), np.float32(share)
             texture = texture if reuse else texture.copy()

@@ -211,7 +211,6 @@ class Footage:
 def open_footage(
     path: Path | str,
     frames: FrameRange | Iterable[int] | None = None,
-    fps: float | None = None,
     info: VideoInfo | None = None,
     stills: bool = False,
     beside: str = "",
@@ -221,7 +220,6 @@ def open_footage(
     Args:
         path: The clip.
         frames: Range of frames, or frame numbers.
-        fps: Rate of a sequence.
         info: Known properties of this video, which is decoded completely without them.
         stills: True for a folder of unordered photos; pictures whose names have no numbers are photos, too,
             unless there are more than `MOST_STILLS`.
@@ -233,7 +231,7 @@ def open_footage(
     path = checked_name(_expanded(path))
     try:
         if is_pattern(path) or path.is_dir():
-            footage = _open_sequence(path, fps, stills, beside)
+            footage = _open_sequence(path, stills, beside)
         elif not path.exists():
             raise UserError(
                 f"{path} does not exist; choose a video file, a folder of images or a pattern like ####.png"
@@ -279,7 +277,7 @@ def describe(frames: Sequence[int]) -> str:
     return f"frames {frames[0]} to {frames[-1]}{gaps}" if len(frames) > 1 else f"frame {frames[0]}"
 
 
-def _open_sequence(path: Path, fps: float | None, stills: bool, beside: str) -> Footage:
+def _open_sequence(path: Path, stills: bool, beside: str) -> Footage:
     by_pattern = pattern_numbers(path) if is_pattern(path) else None
     files = clip_files(path) if by_pattern is None else sorted(by_pattern)
     if not files:
@@ -305,8 +303,7 @@ def _open_sequence(path: Path, fps: float | None, stills: bool, beside: str) -> 
     own = () if all(number == frame for number, frame in frames.items()) else tuple(frames)
     ordered = tuple(numbered[number] for number in frames)
     first = read_picture(ordered[0], beside == DEPTH_MAP)
-    rate = fps or float(DEFAULT_RATE)
-    size = first.shape[1], first.shape[0]
+    size, rate = (first.shape[1], first.shape[0]), float(DEFAULT_RATE)
     return Footage(path, tuple(frames.values()), *size, rate, ordered, own, beside=beside, is_stills=stills)
 
 

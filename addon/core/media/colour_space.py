@@ -23,6 +23,8 @@ _TRANSFERS = {16: "Rec.2100-PQ", 18: "Rec.2100-HLG"}
 """Names in Blender's configuration by the code of transfer characteristics (ITU-T H.273, table 3)."""
 _PRIMARIES = {9: "Rec.2020", 12: "Display P3"}
 """The same by the code of colour primaries (ITU-T H.273, table 2), where the transfer is none of those."""
+LUMINANCE = 0.2627, 0.6780, 0.0593
+"""Weights of Y; those of BT.2020, whose primaries HLG has."""
 TOP = 65535
 """Largest stored value of 16 bits, to which a curve reaches."""
 
@@ -39,7 +41,7 @@ def of_tags(transfer: int, primaries: int) -> str:
 class ColourSpace:
     """The conversion from stored values to linear light of Blender's working space.
 
-    With E = curve(stored) for each channel, light = matrix (E Y^(system_gamma - 1)), where Y = luminance E.
+    With E = curve(stored) for each channel, light = matrix (E Y^(system_gamma - 1)), where Y = `LUMINANCE` E.
     """
 
     name: str
@@ -50,8 +52,6 @@ class ColourSpace:
     """(3, 3) from the space's own primaries to those of the working space."""
     system_gamma: float = 1.0
     """1 but for HLG."""
-    luminance: tuple[float, float, float] = (0.2627, 0.6780, 0.0593)
-    """Weights of Y; those of BT.2020, whose primaries HLG has."""
 
     @property
     def is_linear(self) -> bool:
@@ -80,7 +80,7 @@ class ColourSpace:
         else:
             light = self.curve[colour]
         if self.system_gamma != 1:
-            y = cv2.transform(light, np.array([self.luminance], np.float32))
+            y = cv2.transform(light, np.array([LUMINANCE], np.float32))
             light = light * np.maximum(y, 1e-9).reshape(*y.shape[:2], 1) ** np.float32(self.system_gamma - 1)
         light = np.asarray(cv2.transform(light, self.matrix.astype(np.float32)), np.float32)
         if stored.shape[2] == 3:

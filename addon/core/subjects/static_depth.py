@@ -30,8 +30,6 @@ STEP, LEAST_FRAMES = 8, 12
 a smaller step."""
 SIDES = 6
 """Source frames on either side of a frame."""
-BORDER = 4
-"""Pixels at a source frame's border that count next to nothing."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ class StaticDepth:
         for image in self._around(frame):
             checkpoint()
             depth = self._without(self._depth(image.frame), moving(image.frame))
-            inverse, weight, nearest = in_place(depth, image, small, here, 0, BORDER)
+            inverse, weight, nearest = in_place(depth, image, small, here, 0)
             # Moving pixels of the frame itself hide the static scene.
             stack.append((inverse, np.where(depth.moving, 0, weight) if image is here else weight, nearest))
         inverses, weights, nearests = (np.stack(part) for part in zip(*stack, strict=True))

@@ -42,7 +42,6 @@ class BilateralGrid:
     """Inverse depth of the first step."""
     step: float
     """Inverse depth between steps."""
-    unlike: float
 
     @classmethod
     def of(cls, places: Places, root: Map, seen: Map, alike: Map) -> BilateralGrid:
@@ -61,12 +60,11 @@ class BilateralGrid:
         shape = (DEPTHS, *(size[::-1] / cell).astype(int) + 1)
         at = _cells(places, (first, step, cell), shape)
         total, same = (
-            _summed(np.bincount(at, values, np.prod(shape)).reshape(shape), WINDOW)
-            for values in (seen, alike)
+            _summed(np.bincount(at, values, np.prod(shape)).reshape(shape)) for values in (seen, alike)
         )
         share = np.where(total > 1e-6, same / np.maximum(total, 1e-6), 1)
-        low, high = (sign * _least(at, sign * root, shape, WINDOW) for sign in (1, -1))
-        return cls(share, low, high, size, cell, first, step, UNLIKE)
+        low, high = (sign * _least(at, sign * root, shape) for sign in (1, -1))
+        return cls(share, low, high, size, cell, first, step)
 
     def cells(self, places: Places) -> Indices:
         """Return the (n,) indices of the cells of positions."""
@@ -89,8 +87,8 @@ class BilateralGrid:
         low, high = (bound.reshape(3, -1)[:, cells] for bound in (self.low, self.high))
         inside = (places.x >= 0) & (places.x <= self.size[0]) & (places.y >= 0) & (places.y <= self.size[1])
         inside &= np.isfinite(low[0])
-        among = np.all((root <= high + self.unlike) & (root >= low - self.unlike), axis=0)
-        brighter = np.all(root >= high - self.unlike, axis=0)
+        among = np.all((root <= high + UNLIKE) & (root >= low - UNLIKE), axis=0)
+        brighter = np.all(root >= high - UNLIKE, axis=0)
         return np.asarray(among | brighter | ~inside)
 
 
@@ -104,21 +102,21 @@ def _cells(places: Places, grid: tuple[float, float, float], shape: tuple[int, .
     return np.asarray((depth * shape[1] + row) * shape[2] + column)
 
 
-def _summed(values: Floats, window: int) -> Floats:
+def _summed(values: Floats) -> Floats:
     """Average values (B, R, C) over windows of rows and columns, and sum neighbouring depths."""
     # OpenCV filters rows and columns; depths are its channels.
-    total = cv2.blur(np.moveaxis(values, 0, 2), (window, window), borderType=cv2.BORDER_CONSTANT)
+    total = cv2.blur(np.moveaxis(values, 0, 2), (WINDOW, WINDOW), borderType=cv2.BORDER_CONSTANT)
     deep = np.pad(np.moveaxis(total, 2, 0), ((1, 1), (0, 0), (0, 0)))
     return np.asarray(deep[:-2] + 2 * deep[1:-1] + deep[2:])
 
 
-def _least(at: Indices, values: Map, shape: tuple[int, ...], window: int) -> Map:
+def _least(at: Indices, values: Map, shape: tuple[int, ...]) -> Map:
     """Return (3, B, R, C) minima of values (3, n) over cells (n,) and their neighbours, or infinity."""
     found = np.full((3, np.prod(shape)), np.inf, np.float32)
     for channel, value in zip(found, values, strict=True):
         np.minimum.at(channel, at, value)
     flat = np.moveaxis(found.reshape(-1, *shape[1:]), 0, 2)
-    flat = cv2.erode(flat, np.ones((window, window), np.uint8), borderType=cv2.BORDER_REPLICATE)
+    flat = cv2.erode(flat, np.ones((WINDOW, WINDOW), np.uint8), borderType=cv2.BORDER_REPLICATE)
     deep = np.moveaxis(flat, 2, 0).reshape(3, *shape)
     deep = np.pad(deep, ((0, 0), (1, 1), (0, 0), (0, 0)), constant_values=np.inf)
     return np.asarray(np.minimum.reduce([deep[:, :-2], deep[:, 1:-1], deep[:, 2:]]), np.float32)

@@ -125,7 +125,7 @@ class DisocclusionFill:
         source = SourceView(other.frame, reprojection, picture, hides, np.ones(3, np.float32))
         colours = np.concatenate([source.colours(some) for some in _parts(target.places)], axis=1)
         checkpoint(0.8)
-        gain = _gain(target.colour[:, target.still], colours[:, target.still], GAINS)
+        gain = _gain(target.colour[:, target.still], colours[:, target.still])
         return replace(source, gain=gain), colours * gain[:, None]
 
     def _target(
@@ -139,14 +139,13 @@ class DisocclusionFill:
     ) -> _TargetView:
         """Sample the surfaces that a frame shows; the arguments are those of `reprojected`."""
         shape = inverse_depth.shape
-        grid = GRID
-        rows, columns = (np.arange(min(grid // 2, n - 1), n, grid) for n in shape)
+        rows, columns = (np.arange(min(GRID // 2, n - 1), n, GRID) for n in shape)
         at = np.ix_(rows, columns)
         y, x = np.meshgrid(rows, columns, indexing="ij")
         # Surfaces extend past the border.
-        beyond = grid * int(BEYOND * max(shape) / grid)
+        beyond = GRID * int(BEYOND * max(shape) / GRID)
         inverse = extended(inverse_depth, past_border, beyond)
-        around = [np.arange(grid // 2 - beyond, n + beyond, grid) for n in shape]
+        around = [np.arange(GRID // 2 - beyond, n + beyond, GRID) for n in shape]
         ring_y, ring_x = (part.ravel() for part in np.meshgrid(*around, indexing="ij"))
         past = (ring_y < 0) | (ring_y >= shape[0]) | (ring_x < 0) | (ring_x >= shape[1])
         least = cv2.erode(inverse, np.ones((3, 3), np.uint8))
@@ -322,7 +321,7 @@ def _differ(a: Map, b: Map) -> Map:
     return np.asarray(np.abs(a - b).max(axis=0))
 
 
-def _gain(own: Map, theirs: Map, bounds: tuple[float, float]) -> Map:
+def _gain(own: Map, theirs: Map) -> Map:
     """Return (3,) ratios of exposure between colours (3, n) of the same positions; infinity is unseen."""
     thinned = slice(None, None, max(1, own.shape[1] // GAIN_PLACES))
     own, theirs = own[:, thinned], theirs[:, thinned]
@@ -330,7 +329,7 @@ def _gain(own: Map, theirs: Map, bounds: tuple[float, float]) -> Map:
     good = np.flatnonzero((low > 0.02) & (high < 0.9) & np.isfinite(theirs[0]))
     if len(good) < 50:
         return np.ones(3, np.float32)
-    return np.asarray(np.clip(np.median(own[:, good] / theirs[:, good], axis=1), *bounds), np.float32)
+    return np.asarray(np.clip(np.median(own[:, good] / theirs[:, good], axis=1), *GAINS), np.float32)
 
 
 def _median(colours: list[Map], known: Indices) -> LinearRGB:

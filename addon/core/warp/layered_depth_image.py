@@ -136,7 +136,7 @@ def split(
     checkpoint(0.3)
     others = np.zeros_like(mixed)
     if least < jump:
-        others = _without_specks(_silhouettes(disparity, least)[0] & ~mixed, LEAST_SILHOUETTE)
+        others = _without_specks(_silhouettes(disparity, least)[0] & ~mixed)
     away = _distance_along_surface(disparity, others, jump)
     matte = None if opacity is None else _matte(opacity, disparity, surfaces, jump)
     sheer = np.zeros_like(mixed) if matte is None else matte < 1
@@ -230,10 +230,10 @@ class _Extrapolated:
     """(H, W) pixels of the near surface behind which a view may see the far one."""
 
 
-def _without_specks(lines: Mask, least: int) -> Mask:
-    """Remove connected pieces of fewer than `least` pixels from a mask (H, W)."""
+def _without_specks(lines: Mask) -> Mask:
+    """Remove connected pieces of fewer than `LEAST_SILHOUETTE` pixels from a mask (H, W)."""
     _, label, found, _ = cv2.connectedComponentsWithStats(lines.astype(np.uint8), connectivity=8)
-    return np.asarray(lines & (found[:, cv2.CC_STAT_AREA] >= least)[label])
+    return np.asarray(lines & (found[:, cv2.CC_STAT_AREA] >= LEAST_SILHOUETTE)[label])
 
 
 def _distance_along_surface(disparity: Map, others: Mask, jump: float) -> Map:

@@ -69,12 +69,11 @@ def surfaces_beside(picture: LinearRGBA, disparity: Map, mixed: Mask, jump: floa
     middle = np.float32(0.5) * (high + low)
     # Disparities outside belong to a third surface.
     bounds = np.stack([low - np.float32(jump), middle, high + np.float32(jump)])
-    radius = SEARCH_RADIUS
-    sides = _sums(picture, disparity, ~mixed, row, column, bounds, radius)
+    sides = _sums(picture, disparity, ~mixed, row, column, bounds)
     thin = sides[0].weight == 0
     lacking = np.flatnonzero(thin | (sides[1].weight == 0))
     everything = np.ones_like(mixed)
-    instead = _sums(picture, disparity, everything, row[lacking], column[lacking], bounds[:, lacking], radius)
+    instead = _sums(picture, disparity, everything, row[lacking], column[lacking], bounds[:, lacking])
     for side, other in zip(sides, instead, strict=True):
         without = side.weight[lacking] == 0
         side.sums[:, lacking[without]] = other.sums[:, without]
@@ -82,7 +81,7 @@ def surfaces_beside(picture: LinearRGBA, disparity: Map, mixed: Mask, jump: floa
     near, near_disparity, near_variance = sides[0].means(colour, own, high)
     far, far_disparity, far_variance = sides[1].means(colour, own, low)
     near[thin], near_variance[thin], count = _thin(
-        picture, disparity, row[thin], column[thin], near_disparity[thin], jump, THIN_RADIUS
+        picture, disparity, row[thin], column[thin], near_disparity[thin], jump
     )
     exists = np.ones(len(row), bool)
     exists[thin] = count >= THIN_PIXELS
@@ -200,10 +199,9 @@ def _thin(
     column: Indices,
     near: Floats,
     jump: float,
-    radius: int,
 ) -> tuple[Floats, Floats, Floats]:
     """Return mean colour (n, 3), variance (n,) and number of pixels (n,) along thin objects."""
-    offset = np.arange(-radius, radius + 1)
+    offset = np.arange(-THIN_RADIUS, THIN_RADIUS + 1)
     y = np.clip(row[:, None, None] + offset[:, None], 0, disparity.shape[0] - 1)
     x = np.clip(column[:, None, None] + offset, 0, disparity.shape[1] - 1)
     along = (np.abs(disparity[y, x] - near[:, None, None]) < jump).astype(np.float32)
@@ -258,7 +256,6 @@ def _sums(
     row: Indices,
     column: Indices,
     bounds: Map,
-    radius: int,
 ) -> tuple[_Sums, _Sums]:
     """Sum over pixels in a mask (H, W) around n mixed ones, weighted by distance, for both surfaces.
 
@@ -274,8 +271,8 @@ def _sums(
         own = _neighbours(y, x, 0, 0, disparity.shape)
         own_colour, own_depth = colours[own].T[:3].copy(), depths[own]
         there, product = np.ones((2, 6, len(y)), np.float32)
-        for dy in range(-radius, radius + 1):
-            for dx in range(-radius, radius + 1):
+        for dy in range(-SEARCH_RADIUS, SEARCH_RADIUS + 1):
+            for dx in range(-SEARCH_RADIUS, SEARCH_RADIUS + 1):
                 at = _neighbours(y, x, dy, dx, disparity.shape)
                 depth = depths[at]
                 np.subtract(colours[at].T[:3], own_colour, out=there[1:4])
