@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from addon.core.base.errors import UserError
-from addon.core.depth.map_fusion import UNSURE
+from addon.core.depth.source import SURE
 from addon.core.frame.clip_context import ClipContext
 from sample_scenes import gloss
 
@@ -82,7 +82,7 @@ def rows(scene: Staged, folder: Path, count: int) -> list[str]:
         maps = network_depth(scene, clip.reconstruction, folder)
         confidence = clip.stereo.at(frame).confidence
         truth = scene.truth(frame, BLUR).picture
-        unsure = cv2.resize((confidence < UNSURE).astype(np.uint8), truth.shape[1::-1]) > 0
+        unsure = cv2.resize((confidence < SURE).astype(np.uint8), truth.shape[1::-1]) > 0
         clips = (clip, replace(clip, given_depth=maps), replace(clip, maps=maps))
         pictures = [METHODS["layers"].run(replace(case, clip=each), VIEWS).picture for each in clips]
         places = {"not sure": unsure}

@@ -16,11 +16,11 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Points, Reconstruction
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.effects import LEAST_COVER
 from addon.core.frame.frame_path import Drawn, mesh_frame, warp_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions, FramePlan
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL, Quality
+from addon.core.frame.vignetting import LEAST_LEFT
 from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.registration import exact_registration
@@ -279,7 +279,7 @@ def thin_lens(plan: FramePlan, picture: Picture, samples: int, seed: int = 0) ->
         camera.dof.aperture_fstop = camera.lens * 1e-3 / (2 * 0.01)
         with tempfile.TemporaryDirectory() as folder, quiet(1):
             drawn = cycles_views.render_to_array(scene, Path(folder) / "lens.exr")
-        drawn /= np.maximum(drawn[..., 3:], np.float32(LEAST_COVER))
+        drawn /= np.maximum(drawn[..., 3:], np.float32(LEAST_LEFT))
         return plan.canvas.to_source(drawn)[..., :3]
     finally:
         _remove(scene, warp)

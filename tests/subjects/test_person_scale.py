@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from addon.core.base.arrays import Mask
+from addon.core.depth.flat_scene import ADULT
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
-from addon.core.frame.person_scale import HEIGHT, height_of, scale_by_people
+from addon.core.frame.person_scale import height_of, scale_by_people
 from addon.core.subjects.clip_subjects import ClipSubject
 from addon.core.subjects.people import sampled
 
@@ -55,7 +56,7 @@ def test_the_scale_makes_people_as_tall_as_adults() -> None:
     made = clip(dict.fromkeys(walls.FRAMES, person(20, 80)))
     camera = made.canvas(walls.FRAMES[0]).camera
     units = 60 / walls.HEIGHT * camera.height / camera.fy * 6.0
-    assert scale_by_people(made) == pytest.approx(HEIGHT / units)
+    assert scale_by_people(made) == pytest.approx(ADULT / units)
 
 
 def test_without_agreement_there_is_no_guess() -> None:

@@ -33,3 +33,13 @@ def in_channels(values: Map, count: int) -> Map:
     (2, 3, 4)
     """
     return np.asarray(cv2.merge([values] * count), np.float32)
+
+
+def pixel_centres(width: int, height: int) -> Floats:
+    """Return the centres (height, width, 2) of a picture's pixels."""
+    return np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
+
+
+def repeated[T: np.generic](values: NDArray[T], times: int) -> NDArray[T]:
+    """Repeat values (H, W) along rows and columns, as (times H, times W)."""
+    return np.asarray(np.repeat(np.repeat(values, times, axis=0), times, axis=1))

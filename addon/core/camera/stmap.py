@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.arrays import Floats, Map
+from ..base.arrays import Floats, Map, pixel_centres
 from .canvas import Canvas
 
 
@@ -17,24 +17,19 @@ def undistort_map(canvas: Canvas) -> Map:
 
     The canvas has overscan: they are below 0 and over 1 where the lens saw nothing.
     """
-    at = canvas.features_to_source(_centres(canvas.pinhole.width, canvas.pinhole.height))
+    at = canvas.features_to_source(pixel_centres(canvas.pinhole.width, canvas.pinhole.height))
     return _normalised(at, canvas.camera.width, canvas.camera.height)
 
 
 def redistort_map(canvas: Canvas) -> Map:
     """Return (H, W, 2) u and v of the canvas for each pixel of the source frame."""
-    at = canvas.features_from_source(_centres(canvas.camera.width, canvas.camera.height))
+    at = canvas.features_from_source(pixel_centres(canvas.camera.width, canvas.camera.height))
     return _normalised(at, canvas.pinhole.width, canvas.pinhole.height)
 
 
 def channels(stmap: Map) -> dict[str, Map]:
     """Return the channels of an EXR of a map (h, w, 2)."""
     return {"R": stmap[..., 0], "G": stmap[..., 1], "B": np.zeros(stmap.shape[:2], np.float32)}
-
-
-def _centres(width: int, height: int) -> Floats:
-    """(height, width, 2) the centres of pixels."""
-    return np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
 
 
 def _normalised(xy: Floats, width: int, height: int) -> Map:

@@ -13,9 +13,10 @@ import numpy as np
 
 from ..base.arrays import LinearRGBA, Map
 from ..camera.canvas import Canvas
-from .map_fusion import LEVELS, SAME_SURFACE, SURE, UNSURE, level_of, sharpened
+from .map_fusion import LEVELS, SAME_SURFACE, SURE, level_of, sharpened
 from .multi_view_stereo import DenseDepth
 from .source import NO_PICTURE, DepthSource, PixelDepth
+from .source import SURE as UNSURE
 from .sparse import DepthSamples
 from .stereo_depth import ORIGIN, StereoDepth, whole_depth
 

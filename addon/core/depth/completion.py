@@ -11,7 +11,7 @@ from ..base.global_smoother import globally_smoothed
 SMOOTHER_LAMBDA = 400.0
 """Lambda of the fast global smoother that interpolates known depth."""
 SMOOTHER_SIGMA = 6.0
-"""Grey levels at which that smoother stops."""
+"""Grey levels at which the smoothers along pictures stop."""
 LEAST_WEIGHT = 1e-6
 """Weight, against 1 for a known pixel, of the default depth where nothing known reaches."""
 FILTER_WINDOW = 9

@@ -14,13 +14,15 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction, level_axes, typical_distance
 from .matte import opacity_over, outlined
 from .source import DepthSource, PixelDepth
-from .sparse import DepthSamples
+from .sparse import COLUMNS, DepthSamples
 from .subject_depth import Subject
 
 ORIGIN = "an estimate from where its subjects stand: the clip shows no depth"
-PERSON, SHOULDERS = 1.7 / 1.5, 0.45 / 1.5
-"""Height and width of a person in heights of the camera above the ground: metres, of a camera at 1.5 m.
-Assumed, as all constants here that name no measurement: three real clips were looked at."""
+ADULT, CAMERA = 1.7, 1.5
+"""Mean height of adults, and height of the camera above the ground, in metres. Assumed, as all constants here
+that name no measurement: three real clips were looked at."""
+PERSON, SHOULDERS = ADULT / CAMERA, 0.45 / CAMERA
+"""Height and width of a person in heights of the camera."""
 SPREAD, UNSURE, OUTLIER = 0.1, 0.2, 3.0
 """Standard deviations of the logarithm of people's heights within a clip, and of `PERSON`; and the multiple
 of the first beyond which a height counts no more, as of people that bend down or sit."""
@@ -39,8 +41,6 @@ SHALLOWEST = 0.02
 """Tangent below the horizon of the farthest feet whose distance is known."""
 BORDER = 2
 """Pixels from the border of a mask within which it is cut off."""
-COLUMNS = 100
-"""Samples across the picture for coarse meshes."""
 KEPT = 64
 """Frames whose subjects are remembered, 2 MB each."""
 

@@ -11,14 +11,14 @@ from ..base import nearest_fill
 from ..base.arrays import Bytes, Map, Mask
 from ..base.global_smoother import globally_smoothed
 from ..base.progress import checkpoint
+from .completion import SMOOTHER_SIGMA
+from .source import SURE as UNSURE
 from .source import extended
 
 TINY = float(np.finfo(np.float32).tiny)
 """Smallest normal number of single precision, against division by zero, in any unit."""
 LEAST_FRAMES = 8
 """Frames of a short clip that may help, even if that needs a smaller step. Chosen by inspection."""
-KEPT_FRAMES = 8
-"""Frames whose own depth is remembered: those on both sides and two more."""
 LEAST_WEIGHT = 0.02
 """Weight, against 1, of a depth of which nothing is sure. Chosen by inspection."""
 LEVELS = 50
@@ -27,8 +27,6 @@ SAME_SURFACE = 1.5
 """Levels within which depths are one surface. Chosen by inspection."""
 SURE_FRAMES = 2
 """Sum of confidences that agree with which a depth is sure. Chosen by inspection."""
-UNSURE = 0.1
-"""Confidence up to which a pixel's depth is that of its surroundings. Chosen by inspection."""
 SURE = 0.5
 """Confidence from which on a pixel's depth is its own. Chosen by inspection."""
 FAR_LAMBDA = 4000.0
@@ -36,8 +34,6 @@ FAR_LAMBDA = 4000.0
 HOLE_LAMBDA = 50.0
 """Lambda of the smoother within holes of sure depth: with it fence has 34.04 instead of 33.93 dB (32 px, from
 the video alone) and a fifth to a third fewer triangles."""
-SMOOTHER_SIGMA = 6.0
-"""Grey levels at which both smoothers stop. Chosen by inspection."""
 HOLE_WINDOW = 0.02
 """Share of the long side around a pixel in a hole. With 0.04 fence has 34.14 instead of 34.19 dB, and a hole
 is left in the duck's frame 107."""
@@ -102,6 +98,10 @@ class FusionOptions:
     frame is. Chosen by inspection."""
     sides: int = 3
     """Frames that help on either side. Chosen by inspection."""
+
+
+KEPT_FRAMES = 2 * FusionOptions.sides + 2
+"""Frames whose own depth is remembered: those on both sides and two more."""
 
 
 def fused(

@@ -8,7 +8,7 @@ import numpy as np
 from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..base.nearest_fill import of_nearest
 from ..camera.canvas import Canvas
-from ..media.light import encode_srgb
+from ..media.light import to_rgb8
 from .source import FAINTEST
 
 VOTES = 2
@@ -46,7 +46,7 @@ def outline_of(moving: Mask, picture: LinearRGBA) -> Mask:
         max(top - 2 * radius, 0) : top + height + 2 * radius,
         max(left - 2 * radius, 0) : left + width + 2 * radius,
     ]
-    guide = np.round(255 * encode_srgb(np.clip(picture[part][..., :3], 0, 1))).astype(np.uint8)
+    guide = to_rgb8(picture[part])
     found = whole > 0.5
     near = np.ascontiguousarray(whole[part])
     found[part] = cv2.ximgproc.guidedFilter(guide, near, radius, GUIDE_EPSILON) > 0.5

@@ -13,6 +13,8 @@ from ..camera.reconstruction import Reconstruction, seen_by
 MAX_REPROJECTION_ERROR = 3.0
 """Pixels; a feature that misses its own 3D point by more was tracked wrongly in this frame. Chosen by
 inspection."""
+COLUMNS = 100
+"""Samples of dense depth across the picture, for coarse meshes. Chosen by inspection."""
 
 
 @dataclass(frozen=True)

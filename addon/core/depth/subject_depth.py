@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ..base.arrays import Bytes, Floats, Ints, Map, Mask
+from ..base.arrays import Bytes, Floats, Ints, Map, Mask, pixel_centres
 from ..camera.intrinsics import Intrinsics
 from .completion import LEAST_WEIGHT, interpolate
 from .ground_contact import GAP, contact, ground_below, rays_of, upright
@@ -105,6 +105,6 @@ def _standing(mask: Mask, inverse: Map, apart: Mask, pinhole: Intrinsics) -> Flo
     base = touch.inverse_depth(slope, ground)
     if base <= 0:
         return None
-    grid = np.stack(np.meshgrid(np.arange(mask.shape[1]) + 0.5, np.arange(mask.shape[0]) + 0.5), axis=-1)
-    plane = upright(base, touch.column, slope, ground, rays_of(pinhole, grid))
+    rays = rays_of(pinhole, pixel_centres(*mask.shape[::-1]))
+    plane = upright(base, touch.column, slope, ground, rays)
     return np.clip(plane, base / LEAN, base * LEAN)

@@ -8,7 +8,7 @@ from functools import cached_property, partial
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, LinearRGBA, Map
+from ..base.arrays import Floats, LinearRGBA, Map, pixel_centres
 from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.nearest_fill import nearest
@@ -17,13 +17,11 @@ from ..camera.reconstruction import Image, Reconstruction
 from .completed_depth import stepped
 from .map_fit import ClipFit, FrameLine, fit_clip, fit_depth, frame_line, steadied
 from .map_fusion import level_of
+from .multi_view_stereo import StereoOptions
 from .source import DepthSource, PixelDepth
-from .sparse import DepthSamples, frame_features
+from .sparse import COLUMNS, DepthSamples, frame_features
 from .user_maps import DepthMaps
-from .view_selection import every_nth, stride
-
-COLUMNS = 100
-"""Samples across the picture that coarse meshes take of a depth map: chosen by inspection."""
+from .view_selection import source_frames
 
 AROUND = 4
 """Frames on either side by which a frame's scale and shift are steadied. Chosen by inspection."""
@@ -32,13 +30,10 @@ KEPT_LINES = 64
 
 KEPT_MAPS = 16
 """Frames whose small maps are remembered, 2 MB each: those for the background of one frame, and some more."""
-BEHIND_STEP, BEHIND_SPAN, LEAST_BEHIND = 8, 32, 8
-"""For a camera that stays: step and largest distance of the frames that show the background, and their least
-number in a short clip; its colours come from the same frames (`FillOptions`)."""
 LEAST_AROUND = 3
 """Least number of these frames with a depth at a place. Chosen by inspection."""
-LONGEST_BEHIND = 960
-"""Pixels of the long side that what is behind is found at: as depth is. Chosen by inspection."""
+LONGEST_BEHIND = StereoOptions.long_side
+"""Pixels of the long side at which the background is found, as depth is."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +61,8 @@ class UserDepth(DepthSource):
         """
         if frame not in self.maps.numbers:
             return None
-        inverse = self._at_places(self._without_holes(frame), canvas, _pixels(canvas))
+        places = pixel_centres(canvas.pinhole.width, canvas.pinhole.height)
+        inverse = self._at_places(self._without_holes(frame), canvas, places)
         behind = self._behind(frame, canvas) if self.reconstruction.stays and picture.size else None
         return PixelDepth(inverse, origin="your depth maps", behind=behind)
 
@@ -107,10 +103,9 @@ class UserDepth(DepthSource):
         pinhole = canvas.pinhole
         # Behind silhouettes pixels of a large picture are not worth their memory.
         apart = -(-max(pinhole.width, pinhole.height) // LONGEST_BEHIND)
-        places = _pixels(canvas)[apart // 2 :: apart, apart // 2 :: apart]
+        places = pixel_centres(pinhole.width, pinhole.height)[apart // 2 :: apart, apart // 2 :: apart]
         rays = np.dstack([(places - pinhole.principal_point) / pinhole.focal, np.ones(places.shape[:2])])
-        step = stride(self.reconstruction, BEHIND_STEP, LEAST_BEHIND)
-        others = every_nth(self.reconstruction, frame, step, BEHIND_SPAN)
+        others = source_frames(self.reconstruction, frame)
         found = [
             self._seen(other, rays @ (other.rotation @ here.rotation.T).T)
             for other in others
@@ -174,12 +169,6 @@ class UserDepth(DepthSource):
     @cached_property
     def _lines(self) -> LRUCache[FrameLine]:
         return LRUCache(KEPT_LINES)
-
-
-def _pixels(canvas: Canvas) -> Floats:
-    """(H, W, 2) the centres of a canvas's pixels."""
-    across, down = np.arange(canvas.pinhole.width) + 0.5, np.arange(canvas.pinhole.height) + 0.5
-    return np.stack(np.meshgrid(across, down), axis=-1)
 
 
 def _features(reconstruction: Reconstruction, frame: int) -> tuple[Floats, Floats]:

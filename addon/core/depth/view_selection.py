@@ -10,6 +10,10 @@ import numpy as np
 from ..base.arrays import Floats
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
 
+SOURCE_STEP, SOURCE_SPAN, FEWEST_SOURCES = 8, 32, 8
+"""Step between the frames that show what a frame hides, in registered frames, so that neighbours share them;
+their largest distance; and their least number in a short clip. With every fourth, bars have 32.28 instead of
+32.32 dB; the least number gains 0.9 dB in the shop at 5 m."""
 SPREAD = 16
 """Photos from which one takes the colours that it does not show, at most. Chosen by inspection."""
 
@@ -59,6 +63,12 @@ def every_nth(reconstruction: Reconstruction, frame: int, step: int, span: int) 
     images, at = reconstruction.images, int(np.searchsorted(reconstruction.frames, frame))
     places = range(-(-max(at - span, 0) // step) * step, min(at + span + 1, len(images)), step)
     return [images[i] for i in places if images[i].frame != frame]
+
+
+def source_frames(reconstruction: Reconstruction, frame: int) -> list[Image]:
+    """Return the registered frames that show what a frame hides, as `every_nth`."""
+    step = stride(reconstruction, SOURCE_STEP, FEWEST_SOURCES)
+    return every_nth(reconstruction, frame, step, SOURCE_SPAN)
 
 
 def nearest_views(reconstruction: Reconstruction, image: Image, count: int | None = None) -> list[Image]:

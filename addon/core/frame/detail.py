@@ -8,7 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ..base.arrays import LinearRGB, LinearRGBA, Map
+from ..base.arrays import LinearRGB, LinearRGBA, Map, repeated
 from .inspection import blur_discs
 from .warped_frame import WarpedFrame
 
@@ -59,12 +59,11 @@ def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: floa
     share = np.float32(warped.steadied.aperture_share if warped.steadied else 1.0)
     parts = warped.texture.reshape(len(layers) + 1, -1, warped.texture.shape[1], 4)
     finer = parts.shape[2] // layers[0].is_far.shape[1]
-    near = [np.where(one.is_far, one.near_disparity, one.front_disparity) for one in layers]
     painting = np.zeros_like(parts)
-    surfaces = zip(painting, parts[..., 3], [*near, layers[-1].back_disparity], strict=True)
-    for part, alpha, disparity in surfaces:
+    disparities = [*(one.drawn_disparity for one in layers), layers[-1].back_disparity]
+    for part, alpha, disparity in zip(painting, parts[..., 3], disparities, strict=True):
         made = values(lens.snap_displacement(share * disparity))
-        part[..., :3] = alpha[..., None] * np.repeat(np.repeat(made, finer, axis=0), finer, axis=1)
+        part[..., :3] = alpha[..., None] * repeated(made, finer)
         part[..., 3] = alpha
     return replace(
         warped, plan=plan, texture=painting.reshape(warped.texture.shape), highlight_discs=None,

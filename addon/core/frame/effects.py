@@ -20,9 +20,6 @@ from .meshers.mesher import FrameGeometry
 from .vignetting import LEAST_LEFT, light_left
 from .warped_frame import WarpedFrame
 
-LEAST_COVER = 0.05
-"""Least share of the views that cover a pixel for its colour to be completed."""
-
 
 @dataclass(frozen=True)
 class Drawing:
@@ -113,14 +110,14 @@ def _add_highlights(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
 def _normalize_barrel(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
     """Normalize the light behind a long barrel, so that surfaces in focus keep their brightness."""
     if warped.plan.vignetting:
-        mean /= in_channels(np.maximum(light_left(warped.plan), np.float32(LEAST_LEFT)), 4)
+        mean /= in_channels(light_left(warped.plan), 4)
     return mean
 
 
 def _close_gaps(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
     """Give gaps between triangles in some of the views the colour of the other views."""
     if warped.is_whole:
-        mean /= in_channels(np.maximum(mean[..., 3], np.float32(LEAST_COVER)), 4)
+        mean /= in_channels(np.maximum(mean[..., 3], np.float32(LEAST_LEFT)), 4)
     return mean
 
 

@@ -26,7 +26,7 @@ from ..warp.layered_depth_image import LayeredDepthImage, inpainted
 from .highlight_surfaces import NEARER, Surfaces
 from .plan import FramePlan
 from .steadied import Steadied
-from .vignetting import LEAST_LEFT, barrel_shift, light_left
+from .vignetting import barrel_shift, light_left
 
 WHITE = 1.02
 """Linear light, relative to white, above which a pixel belongs to a highlight: resampling rings by less."""
@@ -147,7 +147,7 @@ class HighlightDiscs:
                 if part.size:
                     total[row + top :, column + left :][: part.shape[0], : part.shape[1]] += part
         if plan.vignetting:
-            total /= np.maximum(light_left(plan), np.float32(LEAST_LEFT))[..., None]
+            total /= light_left(plan)[..., None]
         return total
 
     def _discs(

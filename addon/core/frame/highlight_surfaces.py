@@ -44,10 +44,9 @@ class Surfaces:
         for one in layers:
             assert one.drawn is not None
             past = one.is_far & one.drawn
-            own = np.where(past, one.near_disparity, one.front_disparity)
             # At the free end of a near surface, the surface beside it is another one.
             beside = cv2.dilate(past.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-            shown.append((own, np.where(beside & ~one.drawn, 0, one.front[..., 3]), one.jump))
+            shown.append((one.drawn_disparity, np.where(beside & ~one.drawn, 0, one.front[..., 3]), one.jump))
         shown.append((layers[-1].back_disparity, np.ones_like(shown[0][1]), layers[-1].jump))
         raster = shown[0][1].shape
         margin = (raster[0] - size[0]) // 2, (raster[1] - size[1]) // 2

@@ -19,7 +19,7 @@ from ..base.lru_cache import LRUCache
 from ..base.options import option
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
 from ..depth.depth_store import DepthStore
-from ..depth.view_selection import every_nth, relative_pose, stride
+from ..depth.view_selection import FEWEST_SOURCES, SOURCE_STEP, every_nth, relative_pose, stride
 from ..media.light import to_linear
 from ..media.picture_file import Pixels
 from ..warp.clipped_blobs import Blobs, clipped_blobs
@@ -27,8 +27,6 @@ from ..warp.highlight_kinds import RADIANCES, Lamps, kinds_of
 from ..warp.highlights import LostLight, Told, lamps, lost_light
 from . import kept_highlights as kept
 
-STEP, LEAST_FRAMES = 8, 8
-"""Step between sources in registered frames, and least sources of a short clip, as for hidden colours."""
 POOLED = 8
 """Frames, evenly spread, whose light sources give the clip's kinds of lamps. Chosen by inspection."""
 SPAN = 16
@@ -122,7 +120,7 @@ class ClipHighlights:
 
     def _kinds(self, frame: int) -> Floats:
         """Return (a, r) `kinds_of` frames all over the clip, the same for each frame."""
-        frames = self._rec.frames[:: stride(self._rec, STEP, LEAST_FRAMES)]
+        frames = self._rec.frames[:: stride(self._rec, SOURCE_STEP, FEWEST_SOURCES)]
         spread = np.linspace(0, len(frames) - 1, min(POOLED, len(frames))).round().astype(int)
         # Photos differ in exposure, so each is treated as a clip.
         pooled = [int(frames[each]) for each in spread] if self._rec.is_ordered else [frame]
@@ -136,7 +134,7 @@ class ClipHighlights:
         if not self._rec.is_ordered:
             # Photos differ in exposure: a light source has the brightness in its own photo.
             return []
-        step = stride(self._rec, STEP, LEAST_FRAMES)
+        step = stride(self._rec, SOURCE_STEP, FEWEST_SOURCES)
         around = [
             (other, 1 - abs(other.frame - here.frame) / (1 + SPAN * _pace(self._rec)))
             for other in every_nth(self._rec, here.frame, step, SPAN)

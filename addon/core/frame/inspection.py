@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, LinearRGBA, Mask
 from ..camera.canvas import Canvas
-from ..media.light import encode_srgb
+from ..media.light import to_rgb8
 from ..optics.aperture_sampling import vogel_disc
 from ..optics.registration import exact_registration
-from ..warp.layered_depth_image import LayeredDepthImage
 from ..warp.layered_mesh import FINER
 from ..warp.mesh import WarpMesh
 from ..warp.rasterise import at_pixels
@@ -57,7 +56,7 @@ def picture(
     name: str, warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA | None = None
 ) -> Shown | None:
     """Make one of `pictures` (H, W, 3), or None if it is not available; only "sources" needs the shares."""
-    plan, frame = warped.plan, _encoded(source[..., :3])
+    plan, frame = warped.plan, to_rgb8(source)
     match name:
         case "depth":
             return _in_source(_depth(inverse_depth(warped)), plan.canvas)
@@ -162,28 +161,16 @@ def _finer(picture: LinearRGBA) -> LinearRGBA:
 
 def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:
     """Return own and foreign pixels (H, W) for every surface of a mesh of layers, near to far."""
-    shape, canvas, margin_reprojected = (
-        warped.layers[0].disoccluded.shape,
-        warped.plan.canvas,
-        warped.layers[0].margin_reprojected,
-    )
-    own = np.zeros(shape, bool)
+    canvas, margin_reprojected = warped.plan.canvas, warped.layers[0].margin_reprojected
+    own = np.zeros_like(warped.layers[0].disoccluded)
     foreign = own.copy() if margin_reprojected is None else margin_reprojected
-    own[_inner(warped.layers[0], canvas)] = _own(canvas)
+    own[warped.layers[0].inner(canvas.pinhole.width, canvas.pinhole.height)] = _own(canvas)
     found = [(own, foreign)]
     for layers in warped.layers:
         own = own & ~layers.occluded
         foreign = np.where(layers.occluded, layers.reprojected, foreign)
         found.append((own, foreign))
     return found
-
-
-def _inner(layers: LayeredDepthImage, canvas: Canvas) -> tuple[slice, slice]:
-    """Return the canvas's part of the layers' raster, which extends past its border."""
-    rows, columns = layers.disoccluded.shape
-    size = canvas.pinhole.height, canvas.pinhole.width
-    top, left = (rows - size[0]) // 2, (columns - size[1]) // 2
-    return slice(top, top + size[0]), slice(left, left + size[1])
 
 
 def _plain_sources(warped: WarpedFrame) -> tuple[WarpMesh, LinearRGBA]:
@@ -238,7 +225,7 @@ def _sources(shares: LinearRGBA, frame: Shown) -> Shown:
     own = (0.04 + 0.7 * grey**2.2) * np.array([0.45, 0.6, 1.0], np.float32)
     light = shares[..., 2:] * own
     light += shares[..., :1] * np.array(RED, np.float32) + shares[..., 1:2] * np.array(GREEN, np.float32)
-    return _encoded(light)
+    return to_rgb8(light)
 
 
 def _blur(signed: Floats) -> Shown:
@@ -275,10 +262,6 @@ def largest_shown(signed: Floats) -> float:
     """Return the diameter in pixels of the last colour in the picture of blur, for discs (h, w)."""
     known = np.abs(signed[np.isfinite(signed)])
     return float(np.percentile(known, SHARE)) if len(known) else 0.0
-
-
-def _encoded(linear: NDArray[np.floating]) -> Shown:
-    return _bytes(encode_srgb(np.clip(np.nan_to_num(linear), 0, 1)))
 
 
 def _bytes(share: NDArray[np.floating]) -> Shown:

@@ -13,17 +13,16 @@ from ..subjects.people import SMALLEST
 from .clip_context import ClipContext
 from .first_person import middle_of
 
-DWELL = 13
-"""Frames, of which most must have the same nearest person: half a second, so that focus does not flicker."""
 TURN = 13
-"""Frames in which focus goes from one person to another, as focus pullers do: half a second."""
+"""Frames, half a second, in which focus goes from one person to another, as focus pullers do; most of as many
+must have the same nearest person, so that focus does not flicker."""
 
 
 def nearest_person(clip: ClipContext, frame: int) -> Place:
     """Put the nearest person of each frame in focus.
 
     Each person is followed as `ClipContext.subject_place` does. Where another one is the nearest for most of
-    `DWELL` frames, focus goes there in `TURN` frames. Passes checkpoints.
+    `TURN` frames, focus goes there in as many. Passes checkpoints.
 
     Args:
         clip: The clip.
@@ -65,7 +64,7 @@ def _weights(inverse: Floats, shown: Mask) -> Floats:
     at = np.arange(inverse.shape[1])
     nearest = nearest[seen[np.abs(seen - at[:, None]).argmin(axis=1)]]
     alone = (np.arange(len(inverse))[:, None] == nearest).astype(float)
-    steady = _smooth(alone, np.ones(DWELL) / DWELL).argmax(axis=0)
+    steady = _smooth(alone, np.ones(TURN) / TURN).argmax(axis=0)
     chosen = (np.arange(len(inverse))[:, None] == steady).astype(float)
     window = np.hanning(TURN + 2)[1:-1]
     return _smooth(chosen, window / window.sum())

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.arrays import Mask
+from ..depth.flat_scene import ADULT
 from ..subjects.people import sampled
 from .clip_context import ClipContext
 
-HEIGHT = 1.7
-"""Mean height of adults in metres. Children are taken to be farther away than they are."""
 LEAST_HEIGHT = 0.15
 """Share of the picture's height of a person whose height is measured: outlines are off by two pixels."""
 UPRIGHT = 2.0
@@ -38,7 +37,8 @@ def scale_by_people(clip: ClipContext) -> float | None:
         for frame in frames:
             if (share := height_of(person.mask(frame))) is not None:
                 camera = clip.canvas(frame).camera
-                found.append(HEIGHT / (share * camera.height / camera.fy * followed[frame]))
+                # Children are taken to be farther away than they are.
+                found.append(ADULT / (share * camera.height / camera.fy * followed[frame]))
     if len(found) < LEAST_FRAMES or np.std(found) > LARGEST_SPREAD * np.mean(found):
         return None
     return float(np.median(found))

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ..base.arrays import LinearRGBA, Map, Mask
+from ..base.arrays import LinearRGBA, Map, Mask, pixel_centres
 from ..base.errors import UserError
 from ..optics.thin_lens import ThinLens
 from ..warp.layered_depth_image import LayeredDepthImage
@@ -64,9 +64,7 @@ def layers_of(meshed: MeshedFrame) -> TwoLayers:
     """Reduce the layers of a meshed frame to the two nearest."""
     geometry, splits = meshed.geometry, meshed.surface.layers
     canvas = geometry.canvas
-    shape = canvas.pinhole.height, canvas.pinhole.width
-    top, left = ((large - own) // 2 for large, own in zip(splits[0].mixed.shape, shape, strict=True))
-    own = np.s_[top : top + shape[0], left : left + shape[1]]
+    own = splits[0].inner(canvas.pinhole.width, canvas.pinhole.height)
     front, shift = geometry.picture.copy(), splits[0].front_disparity[own].copy()
     hidden = np.zeros_like(front)
     behind = np.zeros_like(shift)
@@ -91,7 +89,5 @@ def _two_surfaces(split: LayeredDepthImage) -> Mask:
 
 def _inverse_depth(lens: ThinLens, disparity: Map) -> Map:
     """Convert disparities (H, W) relative to the focal plane to inverse depth."""
-    rows, columns = disparity.shape
-    places = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
     inverse = lens.focus + disparity / np.float64(lens.disparity_scale)
-    return np.asarray(lens.unrectified(inverse, places), np.float32)
+    return np.asarray(lens.unrectified(inverse, pixel_centres(*disparity.shape[::-1])), np.float32)

@@ -17,7 +17,7 @@ from .plan import FramePlan
 STEP = 16
 """Pixels between samples of the remaining light: linear interpolation is accurate to a thousandth (test)."""
 LEAST_LEFT = 0.05
-"""Least remaining share of a pixel's light that is normalised."""
+"""Least remaining share of a pixel's light, or of the views that cover it, that is normalised."""
 
 
 def view_shares(plan: FramePlan) -> Floats:
@@ -47,7 +47,7 @@ def barrel_shift(plan: FramePlan) -> float:
 
 
 def light_left(plan: FramePlan) -> Map:
-    """Return the remaining share (h, w) of the aperture's light in the canvas."""
+    """Return the remaining share (h, w) of the aperture's light in the canvas, at least `LEAST_LEFT`."""
     pinhole = plan.canvas.pinhole
     size = pinhole.width // STEP + 2, pinhole.height // STEP + 2
     middle = pinhole.principal_point
@@ -60,4 +60,4 @@ def light_left(plan: FramePlan) -> Map:
     for (a, b, c, d, _), share in zip(barrel_rows(plan), view_shares(plan), strict=True):
         total += share * barrel_share(a + c * x[None, :], b + c * y[:, None], d)
     left = cv2.resize((total / len(plan.offsets)).astype(np.float32), (pinhole.width, pinhole.height))
-    return np.asarray(left, np.float32)
+    return np.maximum(left, np.float32(LEAST_LEFT))

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.progress import checkpoint
+from .exr_parts import header_bytes
 
 Channel = NDArray[np.float16] | NDArray[np.float32]
 
-_MAGIC, _VERSION = 20000630, 2
 _ZIP, _ZIP_ROWS = 3, 16
 """The compression, and how many rows it takes together."""
 _KINDS = {np.dtype(np.float16): 1, np.dtype(np.float32): 2}
@@ -79,19 +79,15 @@ def _header(channels: list[tuple[str, int]], width: int, height: int) -> bytes:
     listed = b"".join(
         name.encode() + b"\0" + struct.pack("<iB3xii", kind, 0, 1, 1) for name, kind in channels
     )
-    box = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    box = b"box2i", struct.pack("<4i", 0, 0, width - 1, height - 1)
     attributes = {
-        ("channels", "chlist"): listed + b"\0",
-        ("compression", "compression"): bytes([_ZIP]),
-        ("dataWindow", "box2i"): box,
-        ("displayWindow", "box2i"): box,
-        ("lineOrder", "lineOrder"): b"\0",
-        ("pixelAspectRatio", "float"): struct.pack("<f", 1.0),
-        ("screenWindowCenter", "v2f"): struct.pack("<2f", 0.0, 0.0),
-        ("screenWindowWidth", "float"): struct.pack("<f", 1.0),
+        "channels": (b"chlist", listed + b"\0"),
+        "compression": (b"compression", bytes([_ZIP])),
+        "dataWindow": box,
+        "displayWindow": box,
+        "lineOrder": (b"lineOrder", b"\0"),
+        "pixelAspectRatio": (b"float", struct.pack("<f", 1.0)),
+        "screenWindowCenter": (b"v2f", struct.pack("<2f", 0.0, 0.0)),
+        "screenWindowWidth": (b"float", struct.pack("<f", 1.0)),
     }
-    is_long = any(len(name.encode()) > 31 for name, _ in channels)
-    header = struct.pack("<2i", _MAGIC, _VERSION | (0x400 if is_long else 0))
-    for (name, kind), data in attributes.items():
-        header += name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(data)) + data
-    return header + b"\0"
+    return header_bytes(attributes, [name for name, _ in channels])

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAGIC = b"\x76\x2f\x31\x01"
+VERSION = 2
 TILED, LONG_NAMES, MULTI_PART = 0x200, 0x400, 0x1000
 """Flags beside the version."""
 SHORT_NAME, LONGEST_NAME = 31, 255
@@ -204,17 +205,31 @@ def alone(data: bytes, header: ExrHeader, channel: Channel) -> bytes:
     kept = {name: value for name, value in part.attributes.items() if name not in OF_PARTS}
     kept["channels"] = b"chlist", b"".join(name.encode() + b"\0" + what for name, what in held) + b"\0"
     is_tiled = bool(header.flags & TILED) or part.attributes.get("type", (b"", b""))[1].startswith(b"tiled")
-    is_long = any(len(name) > SHORT_NAME for name in [*renamed, *kept])
-    flags = 2 | TILED * is_tiled | LONG_NAMES * is_long
-    start = MAGIC + struct.pack("<i", flags) + b"".join(
-        name.encode() + b"\0" + kind + b"\0" + struct.pack("<i", len(value)) + value
-        for name, (kind, value) in kept.items()
-    ) + b"\0"  # fmt: skip
+    start = header_bytes(kept, renamed, TILED * is_tiled)
     chunks = _chunks(data, header, channel.part, is_tiled)
     sizes = np.array([len(chunk) for chunk in chunks], np.uint64)
     first = len(start) + 8 * len(chunks)
     offsets = first + np.concatenate([[0], np.cumsum(sizes)[:-1]])
     return start + offsets.astype("<u8").tobytes() + b"".join(chunks)
+
+
+def header_bytes(
+    attributes: dict[str, tuple[bytes, bytes]], channels: Sequence[str], flags: int = 0
+) -> bytes:
+    """Return the bytes of a header of one part.
+
+    Args:
+        attributes: Type and value by name.
+        channels: Names of the channels, which may need a flag.
+        flags: Other flags.
+    """
+    if any(len(name.encode()) > SHORT_NAME for name in [*channels, *attributes]):
+        flags |= LONG_NAMES
+    held = (
+        name.encode() + b"\0" + kind + b"\0" + struct.pack("<i", len(value)) + value
+        for name, (kind, value) in attributes.items()
+    )
+    return MAGIC + struct.pack("<i", VERSION | flags) + b"".join(held) + b"\0"
 
 
 def _renamed(names: list[str], wanted: str) -> list[str]:

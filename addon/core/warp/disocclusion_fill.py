@@ -17,8 +17,9 @@ from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
+from ..depth.map_fusion import BEYOND
 from ..depth.source import extended
-from ..depth.view_selection import every_nth, stride
+from ..depth.view_selection import SOURCE_SPAN, SOURCE_STEP, source_frames
 from ..media.light import to_linear
 from ..media.picture_file import Pixels
 from .bilateral_grid import BilateralGrid
@@ -29,14 +30,7 @@ HiddenColours = Callable[[Floats, Floats], tuple[LinearRGB, Mask]]
 
 GAIN_PLACES = 20_000
 """Positions that compare exposures: at a spread of a tenth, their median is accurate to a thousandth."""
-STEP = 8
-"""Step between sources in registered frames; neighbours share them, for stable colours. By `python -m
-benchmarks.accuracy`: bars have 32.32 dB, with every fourth 32.28."""
-SPAN = 32
-"""Registered frames before and after that may be sources. Chosen by inspection."""
-LEAST_FRAMES = 8
-"""Sources of a short clip: the shop gains 0.9 dB at 5 m (`python -m benchmarks.accuracy.shop_table`)."""
-KEPT_PICTURES = 12
+KEPT_PICTURES = 2 * SOURCE_SPAN // SOURCE_STEP + 4
 """Pictures kept in memory, so that each is read once: those of both sides and four more."""
 LONGEST_SIDE = 1920
 """Longest side of these pictures in pixels, for memory. Chosen by inspection."""
@@ -44,12 +38,10 @@ OCCLUDER_MARGIN = 0.04
 """Relative difference of inverse depth at which a surface occludes another. Chosen by inspection."""
 GRID = 3
 """Pixels between projected positions of the frame's own surfaces. Chosen by inspection."""
-SQUARE = 6
-"""Side in pixels of the squares that projected positions occlude: twice `GRID`."""
+SQUARE = 2 * GRID
+"""Side in pixels of the squares that projected positions occlude."""
 WIDEST = 2
 """Most squares around itself that a near position occludes. Chosen by inspection."""
-BEYOND = 0.1
-"""Extension of the frame's surfaces past its border, as a share of the long side. Chosen by inspection."""
 SILHOUETTE_MARGIN = 1.0
 """Width in pixels of mixed pixels beside a nearer surface."""
 GAINS = (0.5, 2.0)
@@ -99,8 +91,7 @@ class DisocclusionFill:
         target = self._target(image.frame, canvas, picture, inverse_depth, moving, past_border)
         sources = []
         seen, alike = np.zeros((2, len(target.places)), np.float32)
-        step = stride(self._rec, STEP, LEAST_FRAMES)
-        others = every_nth(self._rec, frame, step, SPAN)
+        others = source_frames(self._rec, frame)
         for number, other in enumerate(others):
             with part(number, len(others)):
                 source, colours = self._source_view(image, canvas, other, target)

@@ -16,12 +16,11 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base.arrays import Floats, LinearRGBA, Map, Mask
+from ..base.arrays import Floats, LinearRGBA, Map, Mask, repeated
 from ..base.progress import checkpoint
 from ..base.side_by_side import side_by_side
-from .layered_depth_image import LayeredDepthImage
+from .layered_depth_image import EXTRAPOLATION, LayeredDepthImage
 
 TILE = 64
 """Side of a tile in texels, a multiple of all `Level.shrink`; each tile is blurred as widely as it needs."""
@@ -31,8 +30,8 @@ BISECTIONS = 16
 """Steps that find a disc's radius, to a 50,000th."""
 WIDEST = 256.0
 """Widest footprint in texels, wider than most displacements; wider ones are clamped."""
-BURIED = 8
-"""Pixels from visible surfaces, half of `layered_depth_image.EXTRAPOLATION`: beyond, nothing behind shows."""
+BURIED = EXTRAPOLATION // 2
+"""Pixels from visible surfaces beyond which nothing behind shows."""
 
 
 @dataclass(frozen=True)
@@ -77,9 +76,9 @@ def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: 
     parts[-1, ..., 3] = 1
     for part, layer in zip(parts, layers, strict=False):
         assert layer.drawn is not None
-        own = np.where(layer.is_far & layer.drawn, layer.near_disparity, layer.front_disparity)
         kept = layer.drawn | _goes_on(layer)
-        _filter(part, spare, finer, np.where(layer.drawn, radius(own), 0).astype(np.float32), kept, [])
+        own = np.where(layer.drawn, radius(layer.drawn_disparity), 0).astype(np.float32)
+        _filter(part, spare, finer, own, kept, [])
 
 
 def prefilter_alone(texture: LinearRGBA, radius: Map) -> None:
@@ -139,7 +138,7 @@ def _tile(
     if widest == 0:
         return False
     checkpoint(0.95)
-    own = np.minimum(finer * _finer(own, finer), WIDEST)
+    own = np.minimum(finer * repeated(own, finer), WIDEST)
     radii = [level.radius for level in LEVELS]
     first = min(int(np.searchsorted(radii, least, "right")) - 1, len(LEVELS) - 2)
     used = LEVELS[first : max(int(np.searchsorted(radii, widest)), first + 1) + 1]
@@ -181,11 +180,11 @@ def _around(
     cut = tuple(slice(a % finer, a % finer + b - a) for a, b in zip(low, high, strict=True))
     found = part[texels]
     if kept is not None and not kept[pixels].all():
-        shown = _finer(kept[pixels].astype(np.uint8), finer)[cut]
+        shown = repeated(kept[pixels].astype(np.uint8), finer)[cut]
         found = np.asarray(cv2.copyTo(found, np.ascontiguousarray(shown)), np.float32)
     for other, mask in buried:
         if mask[pixels].any():
-            hidden = _finer(mask[pixels].astype(np.float32), finer)[cut] > 0
+            hidden = repeated(mask[pixels].astype(np.float32), finer)[cut] > 0
             opaque = other[texels][..., 3:] == 1
             found = np.where(hidden[..., None] & opaque, other[texels], found)
     top, left = (margin - (n - a) for n, a in zip(place, low, strict=True))
@@ -193,11 +192,6 @@ def _around(
     if top or left or bottom or right:
         found = cv2.copyMakeBorder(found, top, bottom, left, right, cv2.BORDER_REPLICATE)
     return np.asarray(found, np.float32)
-
-
-def _finer[T: np.generic](values: NDArray[T], finer: int) -> NDArray[T]:
-    """Repeat values of pixels (H, W) for the texels of a texture."""
-    return np.asarray(np.repeat(np.repeat(values, finer, axis=0), finer, axis=1))
 
 
 def _blurred(around: LinearRGBA, level: Level) -> LinearRGBA:

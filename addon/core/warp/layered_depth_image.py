@@ -28,12 +28,12 @@ from .matting import (
     surfaces_beside,
     with_reprojected,
 )
+from .quadtree import COARSEST_AT_SILHOUETTES
 
 Fill = Callable[[Map, Mask], tuple[LinearRGB, Mask]]
 """Returns colours (H, W, 3) of a surface of disparities (H, W) in a mask (H, W), and known ones (H, W)."""
-EXTRAPOLATION = 16
-"""Pixels by which surfaces extend past silhouettes, beyond any view: the widest cell of the mesh there, 2 **
-`quadtree.COARSEST_AT_SILHOUETTES`."""
+EXTRAPOLATION = 1 << COARSEST_AT_SILHOUETTES
+"""Pixels by which surfaces extend past silhouettes, beyond any view: the widest cell of the mesh there."""
 LEAST_SILHOUETTE = 32
 """Least pixels of a silhouette for the next split; fewer are noise. Chosen by inspection."""
 RISE = 0.5
@@ -73,6 +73,18 @@ class LayeredDepthImage:
     """(H, W) pixels past the border with colours from other frames; None without any."""
     drawn: Mask | None = None
     """(H, W) pixels covered by triangles of the near surface, rim included; None before triangulation."""
+
+    @property
+    def drawn_disparity(self) -> Map:
+        """(H, W) disparity of the near surface where it is drawn, elsewhere of the visible one."""
+        assert self.drawn is not None
+        return np.where(self.is_far & self.drawn, self.near_disparity, self.front_disparity)
+
+    def inner(self, width: int, height: int) -> tuple[slice, slice]:
+        """Return the rows and columns of the canvas, past whose border the raster extends."""
+        rows, columns = self.mixed.shape
+        top, left = (rows - height) // 2, (columns - width) // 2
+        return slice(top, top + height), slice(left, left + width)
 
 
 def depth_peel(

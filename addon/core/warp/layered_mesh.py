@@ -17,7 +17,7 @@ from ..optics.thin_lens import ThinLens
 from .disocclusion_fill import HiddenColours
 from .layered_depth_image import Fill, LayeredDepthImage, depth_peel
 from .mesh import WarpMesh
-from .quadtree import DISOCCLUDED_ERROR, Surfaces, Triangles, triangulate
+from .quadtree import COARSEST, DISOCCLUDED_ERROR, Surfaces, Triangles, triangulate
 
 FINER = 2
 """Texels a pixel along each axis: a view interpolates with less loss."""
@@ -26,7 +26,7 @@ _LANCZOS = np.sinc(_AWAY) * np.sinc(_AWAY / 4)
 HALFWAY = (_LANCZOS / _LANCZOS.sum()).astype(np.float32)
 """(8,) Lanczos weights, of sum 1, of the eight pixels around the middle between two."""
 
-TILE = 64
+TILE = 1 << COARSEST
 """Side in pixels of the tiles of a front that are refined: the coarsest cell of the mesh."""
 SPARE = 16
 """Refined pixels around the drawn part of a front, for blur: a 96-pixel disc in 16 views blurs by 12."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Indices, Ints, Map, Mask
+from ..base.arrays import Indices, Ints, Map, Mask, repeated
 from ..base.progress import checkpoint
 
 CHUNK = 1 << 17
@@ -71,8 +71,7 @@ def triangulate(surfaces: Surfaces, jump: float, error: float | Map) -> Triangle
     deformed, intersecting surfaces", 1987.
     """
     height, width = surfaces.own.shape
-    coarsest = COARSEST
-    raster = _padded(surfaces, coarsest)
+    raster = _padded(surfaces)
     columns = raster.own.shape[1]
     checkpoint(0.6)
     whole = ~_any(raster.mixed) & (_range(raster.own) <= jump)
@@ -81,12 +80,12 @@ def triangulate(surfaces: Surfaces, jump: float, error: float | Map) -> Triangle
     checkpoint(0.6)
     two = _any(raster.mixed | ((raster.near != raster.far) & ~raster.is_far))
     two_surfaces = [two]
-    for _ in range(coarsest):
+    for _ in range(COARSEST):
         two_surfaces.append(_halved(two_surfaces[-1], np.logical_or))
     far, near = [], []
     covered = np.zeros_like(whole)
-    leaf = np.ones(tuple(n >> coarsest for n in whole.shape), bool)
-    for level in range(coarsest, 0, -1):
+    leaf = np.ones(tuple(n >> COARSEST for n in whole.shape), bool)
+    for level in range(COARSEST, 0, -1):
         checkpoint(0.6)
         ends = leaf & ~split[level]
         before = ends & two_surfaces[level]
@@ -105,10 +104,10 @@ def triangulate(surfaces: Surfaces, jump: float, error: float | Map) -> Triangle
     return Triangles(made[0], made[1], made[2], around[:height, :width])
 
 
-def _padded(surfaces: Surfaces, coarsest: int) -> Surfaces:
+def _padded(surfaces: Surfaces) -> Surfaces:
     """Extrapolate surfaces linearly to sides that are multiples of the coarsest cell's, plus one."""
     height, width = surfaces.own.shape
-    rows, columns = (-(-(n - 1) >> coarsest) << coarsest for n in (height, width))
+    rows, columns = (-(-(n - 1) >> COARSEST) << COARSEST for n in (height, width))
     beyond = ((0, rows + 1 - height), (0, columns + 1 - width))
 
     def depth(values: Map) -> Map:
@@ -238,7 +237,7 @@ def _blocks[T: np.generic](raster: NDArray[T], size: int) -> NDArray[T]:
 
 def _children(cells: Mask, levels: int = 1) -> Mask:
     """Refine a mask of cells (R, C) by `levels`."""
-    return np.repeat(np.repeat(cells, 1 << levels, axis=0), 1 << levels, axis=1)
+    return repeated(cells, 1 << levels)
 
 
 def _cells(leaf: Mask, split: Mask, level: int, width: int) -> Ints:
