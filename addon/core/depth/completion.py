@@ -23,16 +23,10 @@ FILTER_SIGMA_SPACE = 3.0
 
 
 def interpolate(guide: Map, value: Map, weight: Map, default: float) -> Map:
-    """Interpolate values along the surfaces of a picture.
+    """Interpolate values (h, w) of a weight (h, w) along the surfaces of a picture (h, w) in grey levels.
 
-    Min et al., "Fast global image smoothing based on weighted least squares", 2014: the smoothed weight *
-    value over the smoothed weight.
-
-    Args:
-        guide: (h, w) the picture in grey levels.
-        value: (h, w).
-        weight: (h, w).
-        default: Value where no weight reaches.
+    The smoothed weight * value over the smoothed weight: Min et al., "Fast global image smoothing based on
+    weighted least squares", 2014. Where no weight reaches, the result is `default`.
     """
     picture = np.clip(guide, 0, 255).astype(np.uint8)
     scale = abs(default) or 1.0

@@ -112,18 +112,11 @@ class FlatScene:
 
 
 def flat_scene(reconstruction: Reconstruction, people: Sequence[Sequence[Outline]]) -> FlatScene:
-    """Estimate the scene around a camera that stays in its place.
+    """Estimate the scene around a static camera, by outlines of each person in several frames.
 
     The horizon is where people of one height stand on one ground, before a camera at 0.9 of their height; it
     is the camera's middle row if no whole person is seen. The wall is as far as the points of the
     reconstruction, which give the unit of length.
-
-    Args:
-        reconstruction: That of the camera.
-        people: The outlines of each person in several frames.
-
-    Returns:
-        The scene.
 
     Raises:
         UserError: The reconstruction has no scale.
@@ -176,19 +169,10 @@ class EstimatedDepth(DepthSource):
     )
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
-        """Return the depth of all pixels of a canvas.
+        """Return the depth of all pixels of a canvas that shows `picture` (H, W, 4); None without subjects.
 
-        Args:
-            frame: Number of the frame.
-            canvas: That of the frame.
-            picture: (H, W, 4) linear, what the canvas shows; with `NO_PICTURE` depth has the size of the
-                subjects' masks.
-
-        Returns:
-            The depth; None for a clip without subjects.
-
-        Raises:
-            UserError: A frame cannot be read.
+        With `NO_PICTURE` depth has the size of the subjects' masks. Raises UserError if a frame cannot be
+        read.
         """
         if not self.subjects():
             return None

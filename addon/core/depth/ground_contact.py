@@ -77,11 +77,9 @@ class Plane:
         return Plane(turned / distance) if distance > 1e-6 else None
 
     def directions(self, column: float) -> tuple[Floats, Floats, Floats]:
-        """Return the plane's axes for a column x / z of the picture.
+        """Return the plane's axes for a column x / z of the picture, unit vectors (3,).
 
-        Returns:
-            Unit vectors (3,): off the plane towards the camera; along it away from the camera; and along it
-                across, to the right.
+        They point off the plane towards the camera; along it away from the camera; along it to the right.
         """
         up = -self.normal / np.linalg.norm(self.normal)
         ray = np.array([column, 0.0, 1.0])
@@ -238,12 +236,7 @@ def contact(mask: Mask, ground: Plane, pinhole: Intrinsics) -> Contact | None:
 def upright(base: float, column: float, slope: float, ground: Plane, rays: Floats) -> Floats:
     """Return the inverse depth (...) along rays (..., 3) of an upright plane on the ground.
 
-    Args:
-        base: Inverse depth of the ground below the column.
-        column: x / z.
-        slope: As `Contact.slope`.
-        ground: The ground.
-        rays: Rays of pixels.
+    Below its `column` x / z the ground has the inverse depth `base`; `slope` is that of `Contact`.
     """
     normal = ground.normal
     foot = np.array([column, (base - normal[0] * column - normal[2]) / normal[1], 1.0])

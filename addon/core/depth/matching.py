@@ -69,7 +69,7 @@ def matched_levels(
     features: Features,
     matcher: Matcher,
 ) -> tuple[Map, Map]:
-    """Return the depth level of each pixel and its confidence, before the influence of parallax.
+    """Return the depth level (h, w) of each pixel and its confidence (h, w), without regard to parallax.
 
     Args:
         picture: (h, w, 4) the frame.
@@ -77,9 +77,6 @@ def matched_levels(
         levels: (k,) inverse depths, evenly spaced.
         features: Pixels of known depth.
         matcher: Finds the levels.
-
-    Returns:
-        Level (h, w), with its fraction, and confidence (h, w).
     """
     guide = np.asarray(cv2.cvtColor(picture[..., :3], cv2.COLOR_RGB2GRAY), np.float32)
     known = _known_levels(features, levels)

@@ -17,16 +17,9 @@ from .view_selection import relative_pose
 def in_place(
     depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, margin: int
 ) -> tuple[Map, Map, Map]:
-    """Reproject a frame's depth into another frame.
+    """Reproject a frame's depth into the pinhole `camera` of another one, with `margin` m pixels around it.
 
     The nearest of several values in a pixel counts.
-
-    Args:
-        depth: The frame's depth.
-        image: The frame.
-        camera: Pinhole of the other frame.
-        here: The other frame.
-        margin: m pixels around its picture.
 
     Returns:
         (h + 2 m, w + 2 m) inverse depth; its weight, the confidence, 0 in unseen pixels; and the largest

@@ -53,11 +53,8 @@ class UserDepth(DepthSource):
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
         """Return the depth (H, W) of all pixels of the canvas; None without a map.
 
-        Unknown pixels are like the nearest known one. The map is not aligned with the edges of `picture`: the
-        user's data is not bent.
-
-        Raises:
-            UserError: The map cannot be read, or does not fit the frame's points.
+        Unknown pixels are like the nearest known one. The map does not follow the edges of `picture`. Raises
+        UserError if the map cannot be read, or does not fit the frame's points.
         """
         if frame not in self.maps.numbers:
             return None

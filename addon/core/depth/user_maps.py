@@ -68,9 +68,7 @@ class DepthMaps(SideFiles):
 
 
 def open_depth(path: Path, footage: Footage) -> DepthMaps:
-    """Open the depth maps of a clip.
-
-    `side_files.match_frames` assigns files to frames.
+    """Open the depth maps of a clip, which `side_files.match_frames` assigns to frames.
 
     Args:
         path: A folder, or a pattern such as `depth_####.exr`, of EXR, 16-bit PNG or .npz; one .npz or .zip of

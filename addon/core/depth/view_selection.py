@@ -106,17 +106,11 @@ def parallaxes(
     others: Iterable[tuple[Image, Intrinsics]],
     span: tuple[float, float],
 ) -> list[tuple[Image, float]]:
-    """Find the frames that can be source views of a frame.
-
-    Args:
-        image: The frame.
-        camera: Its pinhole.
-        others: Other frames with their pinholes.
-        span: Least and largest inverse depth, in 1 / scene units.
+    """Find the frames that can be source views of a frame with a pinhole, among others with theirs.
 
     Returns:
         The frames with enough overlap, each with the median distance in pixels between the places of both
-            ends of `span`.
+            ends of `span`, a least and a largest inverse depth in 1 / scene units.
     """
     share = np.linspace(0.1, 0.9, 5)
     grid = np.stack(np.meshgrid(share * camera.width, share * camera.height), axis=-1).reshape(-1, 2)

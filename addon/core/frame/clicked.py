@@ -31,15 +31,15 @@ def clicked(
     marking: Callable[[MarkedSubject], ClipContext],
     seen: Callable[[Mask], object] = lambda mask: None,
 ) -> Place:
-    """Find the focus of a click.
+    """Find the focus of a click at shares x, y of the picture, (0, 0) top left.
 
     If the depth is unknown or the pixel moves, and there is no known subject, the click marks a new subject.
 
     Args:
         clip: The clip.
         finder: Finder for the clip and the frame.
-        x: Share of the picture's width from the left.
-        y: Share of its height from the top.
+        x: Share of the width.
+        y: Share of the height.
         name: Name of a new subject.
         marking: Returns the clip with one more subject.
         seen: Called with the subject (h, w) in the frame, before it is tracked through the others.

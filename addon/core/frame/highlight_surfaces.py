@@ -68,10 +68,10 @@ class Surfaces:
         """Return the share (n,) of a highlight's light that passes nearer surfaces.
 
         Args:
-            displacement: Displacement of the highlight in pixels.
+            displacement: That of the highlight, in pixels.
             steps: (s,) displacements by which surfaces are nearer.
             places: (n, 2) positions of the highlight's parts, in pixels.
-            widths: (n,) widths of the parts, in pixels.
+            widths: (n,) of the parts, in pixels.
             ways: (n, 2) positions on the aperture, in shares of its radius.
         """
         way = ways * self._focal

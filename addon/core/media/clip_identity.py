@@ -34,16 +34,10 @@ def clip_digest(path: Path) -> str:
 
 
 def is_same_clip(path: Path, wanted: str, at_a_glance: bool = False) -> bool:
-    """Return whether a clip has an identity.
+    """Return whether a clip has an identity; raises UserError if it cannot be read.
 
-    Args:
-        path: The clip.
-        wanted: The identity.
-        at_a_glance: True to judge a large clip that was not read since its last change by its size: a panel
-            cannot wait.
-
-    Raises:
-        UserError: The clip cannot be read.
+    For a panel, which cannot wait, a large clip that was not read since its last change is judged by its size
+    `at_a_glance`.
     """
     files = _files(path)
     if not files.is_large:

@@ -37,20 +37,12 @@ def movie_rate(footage: Footage) -> float:
 
 
 def held_frames(seconds: Sequence[float], end: float, rate: float, sound: float) -> NDArray[np.intp]:
-    """Return the frame that each frame of a movie with a constant rate shows.
+    """Return the indices (n,) of the frames that the frames of a movie with a constant rate show.
 
-    Each frame begins at the movie's frame nearest to its own time, counted from the sound, which also begins
-    at one of the movie's frames: picture and sound differ by at most half a frame. If two frames are closer
-    than that, the second comes a frame later; a frame that would be later by more is left out.
-
-    Args:
-        seconds: Times of the frames, ascending.
-        end: Time until which the last one is held.
-        rate: Frames a second.
-        sound: Start of the sound.
-
-    Returns:
-        (n,) indices into `seconds`.
+    Each frame begins at the movie's frame nearest to its own time in `seconds`, ascending, counted from the
+    sound, which also begins at one of the movie's frames: picture and sound differ by at most half a frame.
+    If two frames are closer than that, the second comes a frame later; a frame that would be later by more
+    is left out. The last one is held until `end`.
     """
     own = (np.asarray(seconds) - sound) * rate
     first = round(own[0])

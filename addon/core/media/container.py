@@ -120,11 +120,7 @@ def _codec(container: InputContainer, stream: AudioStream) -> str:
 def equivalent_focal(path: Path) -> float | None:
     """Read the 35 mm equivalent in millimetres from a video's own metadata.
 
-    Returns:
-        None where the file holds none, or one that no lens has.
-
-    Raises:
-        UserError: if the file cannot be opened.
+    None where the file holds none, or one that no lens has. Raises UserError if it cannot be opened.
     """
     container, _ = open_video(path)
     with container:

@@ -36,17 +36,9 @@ def is_clip(path: Path, wanted: str, at_a_glance: bool = False) -> bool:
 def find_clip(
     name: str, wanted: str, places: Iterable[Path], below: Path | None, at_a_glance: bool = False
 ) -> Path | None:
-    """Find the clip of an identity.
+    """Find the clip of an identity by its name: a video, a folder or a pattern. None without one.
 
-    Args:
-        wanted: The identity.
-        name: Name of a video, a folder or a pattern.
-        places: Paths to try first.
-        below: Folder to search, with its subfolders.
-        at_a_glance: As in `is_same_clip`.
-
-    Returns:
-        The path; None without one.
+    `places` are tried first, then the folder `below` and its subfolders. `at_a_glance` as in `is_same_clip`.
     """
     for place in places:
         if is_clip(place, wanted, at_a_glance):

@@ -39,14 +39,10 @@ class Masks(SideFiles):
 
 
 def open_masks(path: Path, footage: Footage) -> Masks:
-    """Open the masks of a clip.
+    """Open the masks of a clip: a folder, a pattern such as `mask_####.png`, or one picture of a sequence.
 
     White moves, black is static, and gray is a share. The alpha of a picture with any transparency is its
     mask, whatever its colours are: a cut-out. `side_files.match_frames` assigns files to frames.
-
-    Args:
-        path: A folder, a pattern such as `mask_####.png`, or one picture of a sequence.
-        footage: The clip.
 
     Raises:
         UserError: There is no mask, or none fits a frame.

@@ -135,13 +135,9 @@ class Noise:
         return _of_blocks(_residual(_blocks(np.asarray(resized, np.float32), 0)))
 
     def share(self, picture: Map) -> Map:
-        """Find how strong the noise may be at each pixel so that a picture has as much nearby.
+        """Return the share (H, W) of the noise's deviation, at most 1, that a picture shows nearby.
 
-        Args:
-            picture: (H, W, 3) display values.
-
-        Returns:
-            (H, W) share of its standard deviation, 1 at most.
+        `picture` (H, W, 3) has display values.
         """
         own = _finest(self.components((TILE, TILE), 0) @ AXES.T).mean()
         # Rounding makes the running sums of a box filter negative beside strong edges.

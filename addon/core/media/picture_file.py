@@ -37,17 +37,10 @@ Anything-3 and Depth Pro."""
 
 
 def read_picture(path: Path, is_depth: bool = False) -> Pixels:
-    """Read a picture file.
+    """Read a picture file as stored, RGB or RGBA (H, W, 3 or 4): uint8, uint16, or float32 for EXR.
 
-    Args:
-        path: The file.
-        is_depth: True for a depth map: among several layers of an EXR the one with depth counts.
-
-    Returns:
-        (H, W, 3 or 4) RGB or RGBA as stored: uint8, uint16, or float32 for EXR.
-
-    Raises:
-        UserError: It cannot be read or decoded.
+    Of a depth map, among several layers of an EXR the one with depth counts. Raises UserError if it cannot be
+    read or decoded.
     """
     try:
         return _decoded(path, is_depth)

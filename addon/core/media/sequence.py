@@ -89,16 +89,10 @@ def pattern_numbers(path: Path) -> dict[Path, int]:
 
 
 def name_numbers(names: Sequence[str]) -> list[int] | None:
-    """Read the frame numbers from file names without a pattern.
+    """Read the frame number from each of file names, or paths in an archive; None if one has none.
 
     The frame number of a name with several, as in `desk_1001_v02.png`, is the last one that differs between
-    all names.
-
-    Args:
-        names: File names, or paths in an archive.
-
-    Returns:
-        One number a name; None if a name has none. Two names may have the same one.
+    all names. Two names may have the same one.
     """
     rows = [list(map(int, _DIGITS.findall(PurePosixPath(name).stem))) for name in names]
     if not all(rows):
@@ -129,14 +123,10 @@ def pattern_of(path: Path) -> Path | None:
 
 
 def frames_of(numbers: Iterable[int]) -> dict[int, int]:
-    """Number the frames of a sequence so that Blender can address them.
+    """Return the frame, as Blender can address it, of each of the increasing numbers in file names.
 
-    Args:
-        numbers: Numbers in the file names, increasing.
-
-    Returns:
-        Number -> frame. They are the same up to `LAST_FRAME`. Where a number is larger, frames count from 1:
-        with the gaps of a camera's counter, without gaps where the numbers are times (see `FILLED`).
+    They are the same up to `LAST_FRAME`. Where a number is larger, frames count from 1: with the gaps of a
+    camera's counter, without gaps where the numbers are times (see `FILLED`).
     """
     numbers = list(numbers)
     if numbers[-1] <= LAST_FRAME:
@@ -148,15 +138,10 @@ def frames_of(numbers: Iterable[int]) -> dict[int, int]:
 
 
 def blender_shift(files: Sequence[Path], frames: Sequence[int]) -> int | None:
-    """Find by how much the numbers with which Blender looks for a sequence's files differ from its frames.
+    """Return the difference of the numbers with which Blender looks for the files of frames from the frames.
 
-    Args:
-        files: The picture of each frame.
-        frames: Frame numbers.
-
-    Returns:
-        File number less frame. None where Blender cannot show the sequence: it takes the last number of the
-        first file's name for the counter, and all else in the name as fixed.
+    None where Blender cannot show the sequence: it takes the last number of the first file's name for the
+    counter, and all else in the name as fixed.
     """
     runs = list(_DIGITS.finditer(files[0].stem))
     if not runs:

@@ -188,11 +188,9 @@ class Aperture:
         return np.asarray((1 - self.roundness) * np.cos(half) / np.cos(angle) + self.roundness)
 
     def raster(self, size: int, scale: float = 1.0) -> tuple[Floats, Floats]:
-        """Return the mean transmission (size, size) of cells, and their open share.
+        """Return mean transmission and open share (size, size) of cells of the square around the aperture.
 
-        Args:
-            size: Cells along the square around the aperture.
-            scale: Enlarges the aperture within the same square.
+        `scale` enlarges the aperture within the same square.
         """
         fine = size * SUBSAMPLES
         place = ((np.arange(fine) + 0.5) * 2 / fine - 1) / scale
@@ -221,18 +219,11 @@ class ApertureSamples:
 
 @lru_cache(maxsize=64)
 def aperture_samples(aperture: Aperture, count: int, variant: int = 0) -> ApertureSamples:
-    """Return virtual cameras over an aperture.
+    """Return a number of virtual cameras over an aperture; another `variant` gives other positions.
 
     Each stands in the centroid of an equal share of the light (see `relaxed`). Blurred by a disc of the size
-    of a share, the positions blur like the aperture; their weighted mean is the centroid of the light.
-
-    Args:
-        aperture: The aperture.
-        count: Number of cameras.
-        variant: Gives other positions for the same aperture.
-
-    Raises:
-        UserError: The count is out of range.
+    of a share, the positions blur like the aperture; their weighted mean is the centroid of the light. Raises
+    UserError if the count is out of range.
     """
     check_count(count)
     if aperture.is_disc:

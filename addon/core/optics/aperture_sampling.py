@@ -74,16 +74,11 @@ def centroidal_disc(count: int) -> Floats:
 
 
 def relaxed(positions: Floats, places: Floats, light: Floats, area: float) -> tuple[Floats, Floats]:
-    """Move positions to the centroids of equal shares of light.
+    """Move positions (N, 2) to the centroids of equal shares of the light (n,) at samples (n, 2) of an area.
 
     Lloyd's iteration with the cells of a power diagram (de Goes, Breeden, Ostromoukhov and Desbrun, "Blue
-    noise through optimal transport", 2012), to the end for up to `MOST_RELAXED` positions.
-
-    Args:
-        positions: (N, 2) first positions.
-        places: (n, 2) samples, evenly over the area.
-        light: (n,) transmission there.
-        area: In squared radii.
+    noise through optimal transport", 2012), to the end for up to `MOST_RELAXED` positions. `area` is in
+    squared radii.
 
     Returns:
         Positions (N, 2), and the light (N,) of their shares.

@@ -16,12 +16,9 @@ CORNER = float(np.sqrt(0.5))
 
 
 def barrel_share(x: Floats, y: Floats, edge: float) -> Floats:
-    """Return the transmission (...) of a barrel's opening, 0 to 1.
+    """Return the transmission (...), 0 to 1, of a barrel's opening at positions x, y (...) in its radii.
 
-    Args:
-        x: (...) positions from its middle, in shares of its radius.
-        y: The same.
-        edge: Half of the width over which transmission falls at the rim.
+    It falls at the rim over a width of twice `edge`.
     """
     return np.asarray(np.clip((1 + edge - np.hypot(x, y)) / (2 * edge), 0, 1))
 

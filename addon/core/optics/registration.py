@@ -9,15 +9,10 @@ from ..camera.canvas import Canvas
 
 
 def exact_registration(canvas: Canvas, offsets: Floats, inverse_depth: float) -> Floats:
-    """Return the shears (N, 2, 3) that bring a plane into register.
+    """Return the shears (N, 2, 3) that bring a plane of an inverse depth into register for offsets (N, 2).
 
-    A point moves by -f (dx, dy) / z when the camera moves by (dx, dy); the shear adds the focal plane's
-    motion back, which in Blender is `shift_x`, `shift_y`.
-
-    Args:
-        canvas: That of the frame.
-        offsets: (N, 2) camera positions in scene units.
-        inverse_depth: That of the plane.
+    A point moves by -f (dx, dy) / z when the camera moves by (dx, dy) in scene units; the shear adds the
+    focal plane's motion back, which in Blender is `shift_x`, `shift_y`.
     """
     registration = np.zeros((len(offsets), 2, 3))
     registration[:, 0, 0] = registration[:, 1, 1] = 1.0

@@ -218,13 +218,10 @@ class ThinLens:
         return np.asarray(_snapped(displacement, smallest, largest))
 
     def footprint(self, displacement: Map, views: int) -> Map:
-        """Return the radii in pixels of discs over which each view spreads its points.
+        """Return the radii in pixels of discs over which each of a number of views spreads its points.
 
-        One of N views stands for an N-th of the aperture: the blur disc's radius divided by sqrt(N).
-
-        Args:
-            displacement: Pixels (any shape) at the aperture's rim, relative to the focal plane.
-            views: Number of views.
+        One of N views stands for an N-th of the aperture: the blur disc's radius, that of `displacement` in
+        pixels (any shape), divided by sqrt(N).
         """
         return np.asarray(
             np.abs(self.snap_displacement(displacement)) / np.float32(np.sqrt(views)), np.float32

@@ -40,14 +40,9 @@ class InFocusZone:
         return self != InFocusZone()
 
     def compressed[T: np.floating](self, contrast: NDArray[T], axis: float) -> NDArray[T]:
-        """Map contrasts of inverse depth to those of the zone's blur.
+        """Map contrasts of inverse depth (any shape) to those of the zone's blur, nearly 0 within the zone.
 
-        Args:
-            contrast: Inverse depths less that of the focal plane, 1 / scene units (any shape).
-            axis: Inverse depth of the focal plane on the optical axis.
-
-        Returns:
-            Contrasts of the same shape: nearly 0 within the zone.
+        `axis` is the inverse depth of the focal plane on the optical axis. Both are in 1 / scene units.
         """
         near, far = self._ends(axis)
         within = np.clip(contrast, -far, near)

@@ -75,14 +75,9 @@ class BilateralGrid:
         return np.asarray(self.share.ravel()[cells])
 
     def shows(self, places: Places, cells: Indices, root: Map) -> Mask:
-        """Return whether colours (n,) are among those around their places, or brighter.
+        """Return whether roots of colours (3, n) are among those around their places and cells, or brighter.
 
         Highlights are brighter. It is true in empty cells, and past the frame.
-
-        Args:
-            places: The places.
-            cells: Their cells.
-            root: (3, n) square roots of linear colours.
         """
         low, high = (bound.reshape(3, -1)[:, cells] for bound in (self.low, self.high))
         inside = (places.x >= 0) & (places.x <= self.size[0]) & (places.y >= 0) & (places.y <= self.size[1])

@@ -199,18 +199,11 @@ class ReprojectedColours:
     """The frame's own colours, and their agreement with the others."""
 
     def colours(self, places: Floats, inverse: Floats) -> tuple[LinearRGB, Mask]:
-        """Return colours for places of the canvas: a `HiddenColours`.
+        """Return colours (n, 3) for places (n, 2) of the canvas at inverse depths (n,), and known ones (n,).
 
         The result is the median of the frames that see a place, if half of them agree: moving objects do not.
         There is none where other frames do not confirm the frame's own colours around a place at that depth.
         A single frame must have a colour like those around, as something may have passed.
-
-        Args:
-            places: (n, 2) canvas pixels.
-            inverse: (n,) inverse depths.
-
-        Returns:
-            Linear colours (n, 3), and the places (n,) with one.
         """
         colours, known = np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)
         if not self.sources:

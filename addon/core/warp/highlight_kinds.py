@@ -112,9 +112,7 @@ def is_known(core: Floats) -> Mask:
 def as_tinted(tint: Floats, core: Floats) -> Floats:
     """Return the log-likelihood (k, r) of radiances by the channels that the camera did not clip.
 
-    Args:
-        tint: (k, 3) colours of the light sources.
-        core: (k, 3) recorded light of their cores.
+    `tint` (k, 3) are the colours of the light sources, `core` (k, 3) the recorded light of their cores.
     """
     told = np.log(np.maximum(core, LEAST_TINT) / np.maximum(tint, LEAST_TINT))[..., None]
     off = (np.log(RADIANCES) - told) / TINT_RATIO

@@ -118,15 +118,10 @@ def _on_line(colour: LinearRGB, near: Floats, far: Floats | LinearRGB) -> Floats
 
 
 def matted(colour: LinearRGB, surfaces: Surfaces) -> tuple[Map, LinearRGB, LinearRGB]:
-    """Divide mixed pixels between the two surfaces beside them.
+    """Divide mixed pixels (n, 3) between the two surfaces beside them, which together always give the pixel.
 
     Alpha follows from the position of a pixel's colour on the line between the colours of both surfaces
-    (Ruzon and Tomasi, "Alpha estimation in natural images", 2000). Both surfaces together always give the
-    pixel.
-
-    Args:
-        colour: (n, 3) the pixels.
-        surfaces: The surfaces.
+    (Ruzon and Tomasi, "Alpha estimation in natural images", 2000).
 
     Returns:
         Alpha (n,) of the near surface, its premultiplied colour (n, 3), and the far surface's colour (n, 3).
@@ -143,31 +138,17 @@ def matted(colour: LinearRGB, surfaces: Surfaces) -> tuple[Map, LinearRGB, Linea
 
 
 def behind(colour: LinearRGB, alpha: Map, near: LinearRGB) -> LinearRGB:
-    """Return the far surface's colour (n, 3) in n pixels that a near one covers by alpha, below 1.
-
-    Args:
-        colour: (n, 3) the pixels.
-        alpha: (n,).
-        near: (n, 3) colour of the near surface.
-    """
+    """Return the far surface's colour (n, 3) in pixels (n, 3) that a near one covers by alpha (n,) < 1."""
     share = alpha[:, None]
     return np.asarray(np.maximum(colour - share * near, 0) / (1 - share), np.float32)
 
 
 def corrected(colour: LinearRGB, alpha: Map, near: LinearRGB, far: LinearRGB) -> LinearRGB:
-    """Correct a background's colours from other frames by the pixels themselves.
+    """Correct a background's colours `far` (n, 3) from other frames by the pixels (n, 3) themselves.
 
-    The remaining difference is attributed to the background at low alpha: crowds move, and other frames are
-    registered to a pixel or two.
-
-    Args:
-        colour: (n, 3) colours of the pixels.
-        alpha: (n,) of the foreground.
-        near: (n, 3) expected colour of the foreground.
-        far: (n, 3) colour of the background in other frames.
-
-    Returns:
-        (n, 3) most likely background if both have errors, by `SEEN_DOUBT`.
+    The remaining difference from a foreground `near` (n, 3) of alpha (n,) is attributed to the background at
+    low alpha: crowds move, and other frames are registered to a pixel or two. The result (n, 3) is the most
+    likely background if both have errors, by `SEEN_DOUBT`.
     """
     own, rest = alpha[:, None], (1 - alpha)[:, None]
     missed = colour - own * near - rest * far
@@ -176,15 +157,10 @@ def corrected(colour: LinearRGB, alpha: Map, near: LinearRGB, far: LinearRGB) ->
 
 
 def parted(colour: LinearRGB, alpha: Map, far: Floats | LinearRGB) -> tuple[LinearRGB, LinearRGB]:
-    """Return the colours of both surfaces, which together give the pixel.
+    """Return the colours (n, 3) of both surfaces, which together give the pixels (n, 3).
 
-    Args:
-        colour: (n, 3) the pixels.
-        alpha: (n,) of the near surface.
-        far: (n, 3) expected colour of the far one.
-
-    Returns:
-        The premultiplied colour (n, 3) of the near surface, and the colour (n, 3) of the far one.
+    `alpha` (n,) is that of the near surface, whose colour is premultiplied; `far` (n, 3) is the expected
+    colour of the other.
     """
     front = np.maximum(colour - (1 - alpha)[:, None] * far, 0)
     # A pixel darker than the far surface's share makes the far surface darker, too.
