@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import atomic, limits
-from ..base.arrays import Bytes, Map, Mask
+from ..base.arrays import Bytes, Floats, Map, Mask
 from ..base.errors import Remedy, UserError
 from ..base.file_lock import FileLock
 from ..base.npz import read_arrays
@@ -61,76 +61,69 @@ SUREST = 15
 
 
 @dataclass(frozen=True)
-class Steps:
-    """Inverse depth in equal steps."""
-
-    steps: NDArray[np.uint16]
-    """(h, w) above the least one, `UNKNOWN` where nothing is known."""
-    low: float
-    """Least inverse depth, in 1 / scene units."""
-    step: float
-    """Inverse depth of a step."""
-
-    @classmethod
-    def of(cls, inverse_depth: Map) -> Steps:
-        """Encode inverse depth (h, w), NaN in unknown pixels."""
-        known = ~np.isnan(inverse_depth)
-        low = float(np.min(inverse_depth, initial=np.inf, where=known)) if known.any() else 0.0
-        high = float(np.max(inverse_depth, initial=low, where=known))
-        step = max((high - low) / FINEST, float(np.finfo(np.float32).tiny))
-        steps = np.rint((inverse_depth - low) / step).clip(0, FINEST)
-        return cls(np.where(known, steps, UNKNOWN).astype(np.uint16), low, step)
-
-    @property
-    def inverse_depth(self) -> Map:
-        """(h, w) float32 1 / z, in 1 / scene units, NaN where nothing is known."""
-        found = np.float32(self.low) + self.steps * np.float32(self.step)
-        return np.where(self.steps == UNKNOWN, np.float32(np.nan), found)
-
-
-@dataclass(frozen=True)
 class KeptDepth:
-    """A frame's depth as it is kept, (h, w): the same whether it was just found or is read again."""
+    """A frame's depth as it is kept: the same whether it was just found or is read again."""
 
-    inverse: Steps
-    """(h, w) inverse depth."""
-    sure: Bytes
-    """(h, w) confidence, `SUREST` for 1."""
+    inverse_depth: Map
+    """(h, w) 1 / z, in 1 / scene units."""
+    confidence: Map
+    """(h, w) in [0, 1]."""
     moving: Mask
-    """(h, w) what moves by itself."""
-    past: Steps
-    """(h + 2 m, w + 2 m) inverse depth past the border."""
+    """(h, w) moving pixels."""
+    past_border: Map
+    """(h + 2 m, w + 2 m) 1 / z past the border, NaN where it is not known."""
+    steps: dict[str, NDArray[np.generic]]
+    """The pictures `MAPS` of its file, and ranges of inverse depth."""
 
     @classmethod
     def of(
         cls, inverse_depth: Map, confidence: Map, moving: Mask, past_border: Map | None = None
     ) -> KeptDepth:
-        """Encode a frame's depth.
-
-        Args:
-            inverse_depth: (h, w).
-            confidence: (h, w) in [0, 1].
-            moving: (h, w) moving pixels.
-            past_border: (h + 2 m, w + 2 m) inverse depth, NaN in unknown pixels.
-        """
-        past = np.full(inverse_depth.shape, np.nan, np.float32) if past_border is None else past_border
+        """Encode a frame's depth; the arguments have the shapes of the fields."""
+        beyond = np.full(inverse_depth.shape, np.nan, np.float32) if past_border is None else past_border
+        (inverse, span), (past, past_span) = _in_steps(inverse_depth), _in_steps(beyond)
         sure = np.rint(SUREST * confidence).astype(np.uint8)
-        return cls(Steps.of(inverse_depth), sure, moving, Steps.of(past))
+        return cls._of_steps({
+            "inverse": inverse, "confidence": sure, "moving": moving.astype(np.uint8), "past": past,
+            "range": span, "past_range": past_span,
+        })  # fmt: skip
 
-    @property
-    def inverse_depth(self) -> Map:
-        """(h, w) float32 1 / z, in 1 / scene units."""
-        return self.inverse.inverse_depth
+    @classmethod
+    def _of_steps(cls, steps: dict[str, NDArray[np.generic]]) -> KeptDepth:
+        inverse = _from_steps(steps["inverse"], steps["range"])
+        past = _from_steps(steps["past"], steps["past_range"])
+        sure = steps["confidence"].astype(np.float32) / np.float32(SUREST)
+        return cls(inverse, sure, steps["moving"].astype(bool), past, steps)
 
-    @property
-    def past_border(self) -> Map:
-        """(h + 2 m, w + 2 m) float32 1 / z past the border, in 1 / scene units, NaN where it is not known."""
-        return self.past.inverse_depth
+    @classmethod
+    def read(cls, parts: dict[str, NDArray[np.generic]], shape: tuple[int, ...]) -> KeptDepth | None:
+        """Decode the arrays of a file; None if they are damaged or of another shape than (h, w)."""
+        maps = {name: decoded(parts[name], 3 * max(shape)) for name in MAPS}
+        found = {name: one for name, one in maps.items() if one is not None and one.dtype == MAPS[name]}
+        if set(found) != set(MAPS) or any(parts[name].shape != (2,) for name in ("range", "past_range")):
+            return None
+        past = found["past"].shape
+        around = past[0] - shape[0]
+        fit = [found[name].shape == shape for name in ("inverse", "confidence", "moving")]
+        if not all(fit) or around < 0 or around % 2 or past != (shape[0] + around, shape[1] + around):
+            return None
+        return cls._of_steps(parts | found)
 
-    @property
-    def confidence(self) -> Map:
-        """(h, w) float32 in [0, 1]."""
-        return np.asarray(self.sure / np.float32(SUREST), np.float32)
+
+def _in_steps(inverse_depth: Map) -> tuple[NDArray[np.uint16], Floats]:
+    """Return inverse depth (h, w), NaN in unknown pixels, in steps; and the least one and a step (2,)."""
+    known = ~np.isnan(inverse_depth)
+    low = float(np.min(inverse_depth, initial=np.inf, where=known)) if known.any() else 0.0
+    high = float(np.max(inverse_depth, initial=low, where=known))
+    step = max((high - low) / FINEST, float(np.finfo(np.float32).tiny))
+    steps = np.rint((inverse_depth - low) / step).clip(0, FINEST)
+    return np.where(known, steps, UNKNOWN).astype(np.uint16), np.array([low, step])
+
+
+def _from_steps(steps: NDArray[np.generic], span: NDArray[np.generic]) -> Map:
+    """Return the inverse depth (h, w) of `_in_steps`."""
+    low, step = (np.float32(each) for each in span.tolist())
+    return np.where(steps == UNKNOWN, np.float32(np.nan), low + np.asarray(steps, np.uint16) * step)
 
 
 class DepthStore:
@@ -157,37 +150,12 @@ class DepthStore:
     def depth(self, frame: int, shape: tuple[int, int], kind: str = "depth") -> KeptDepth | None:
         """Return a frame's kept depth of a shape (h, w) and one of `KINDS`; None if there is none."""
         kept = self.read(f"{kind}-{frame:06d}", (*MAPS, "range", "past_range"))
-        if kept is None:
-            return None
-        maps = {name: decoded(kept[name], 3 * max(shape)) for name in MAPS}
-        found = {name: one for name, one in maps.items() if one is not None and one.dtype == MAPS[name]}
-        if set(found) != set(MAPS) or any(kept[name].shape != (2,) for name in ("range", "past_range")):
-            return None
-        past = found["past"].shape
-        around = past[0] - shape[0]
-        fit = [found[name].shape == shape for name in ("inverse", "confidence", "moving")]
-        if not all(fit) or around < 0 or around % 2 or past != (shape[0] + around, shape[1] + around):
-            return None
-        inverse, beyond = (
-            Steps(np.asarray(found[name], np.uint16), *(float(end) for end in kept[span]))
-            for name, span in (("inverse", "range"), ("past", "past_range"))
-        )
-        sure, moving = (np.asarray(found[name], np.uint8) for name in ("confidence", "moving"))
-        return KeptDepth(inverse, sure, moving > 0, beyond)
+        return None if kept is None else KeptDepth.read(kept, shape)
 
     def keep_depth(self, frame: int, depth: KeptDepth, kind: str = "depth") -> None:
         """Keep a frame's depth, of one of `KINDS`."""
-        self.write(
-            f"{kind}-{frame:06d}",
-            {
-                "inverse": encoded(depth.inverse.steps),
-                "confidence": encoded(depth.sure),
-                "moving": encoded(depth.moving.astype(np.uint8)),
-                "past": encoded(depth.past.steps),
-                "range": np.array([depth.inverse.low, depth.inverse.step]),
-                "past_range": np.array([depth.past.low, depth.past.step]),
-            },
-        )
+        parts = {name: encoded(each) if name in MAPS else each for name, each in depth.steps.items()}
+        self.write(f"{kind}-{frame:06d}", parts)
 
     def made[R](
         self,
@@ -317,7 +285,7 @@ def delete_kept(folder: Path) -> int:
     return freed
 
 
-def encoded(plane: Bytes | NDArray[np.uint16]) -> Bytes:
+def encoded(plane: NDArray[np.generic]) -> Bytes:
     """Return a plane (h, w) as a PNG file's bytes (n,)."""
     # A fifth of the time of level 6, for a sixth more bytes.
     how = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]

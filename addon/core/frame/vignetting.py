@@ -60,4 +60,4 @@ def light_left(plan: FramePlan) -> Map:
     for (a, b, c, d, _), share in zip(barrel_rows(plan), view_shares(plan), strict=True):
         total += share * barrel_share(a + c * x[None, :], b + c * y[:, None], d)
     left = cv2.resize((total / len(plan.offsets)).astype(np.float32), (pinhole.width, pinhole.height))
-    return np.maximum(left, np.float32(LEAST_LEFT))
+    return np.asarray(np.maximum(left, np.float32(LEAST_LEFT)), np.float32)
