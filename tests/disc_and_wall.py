@@ -16,7 +16,7 @@ from addon.core.optics.registration import exact_registration
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.disocclusion_fill import HiddenColours
 from addon.core.warp.layered_depth_image import Fill, LayeredDepthImage
-from addon.core.warp.layered_mesh import LayeredMeshOptions, layer_mesh
+from addon.core.warp.layered_mesh import LARGEST_TEXTURE, layer_mesh
 from addon.core.warp.mesh import WarpMesh
 from addon.core.warp.quadtree import Surfaces
 
@@ -26,7 +26,6 @@ LENS = Intrinsics(SIZE[1], SIZE[0], 150.0, 150.0, SIZE[1] / 2, SIZE[0] / 2)
 DISC = 30.0
 """Radius of the disc in front, in pixels."""
 NEAR, FAR = 9.0, 1.0
-OPTIONS = LayeredMeshOptions()
 RADIUS = 1.0
 """Of an aperture whose rim displaces by what `SHIFT` says."""
 
@@ -80,7 +79,7 @@ def make_mesh(
     focus: float,
     scale: float,
     fill: Fill | None = None,
-    options: LayeredMeshOptions = OPTIONS,
+    largest_texture: int = LARGEST_TEXTURE,
     past_border: Floats | None = None,
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
     """`layer_mesh` of a picture whose disparities (H, W) at the rim of the aperture are known, and that of
@@ -90,7 +89,7 @@ def make_mesh(
     past = None if past_border is None else (past_border / scale).astype(np.float32)
     return layer_mesh(
         picture, PixelDepth(disparity / scale, past_border=past), ThinLens(camera, 1.0, focus / scale),
-        None if fill is None else _at_places(fill, focus, scale, disparity.shape), options,
+        None if fill is None else _at_places(fill, focus, scale, disparity.shape), largest_texture,
     )  # fmt: skip
 
 
@@ -119,10 +118,10 @@ def disc_and_wall(
     focus: float = NEAR,
     shift: Floats = SHIFT,
     fill: Fill | None = None,
-    options: LayeredMeshOptions = OPTIONS,
+    largest_texture: int = LARGEST_TEXTURE,
 ) -> WarpedFrame:
     """The scene of the layers' tests, ready to be drawn."""
-    mesh, painted, layers = make_mesh(scene(), shift, focus, LENS.fx, fill=fill, options=options)
+    mesh, painted, layers = make_mesh(scene(), shift, focus, LENS.fx, fill, largest_texture)
     offsets, canvas = RADIUS * vogel_disc(24), Canvas(LENS)
     registration = exact_registration(canvas, offsets, focus / LENS.fx)
     thin = ThinLens(LENS, RADIUS, focus / LENS.fx)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import Floats
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo, StereoOptions
+from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
 from addon.core.depth.view_selection import parallaxes, select_source_views
 from addon.core.media.light import decode_srgb, encode_srgb
 
@@ -131,7 +131,7 @@ def test_distortion_is_taken_out(pictures: list[Picture]) -> None:
 
 def test_the_size_worked_at_is_bounded(pictures: list[Picture]) -> None:
     result = PlaneSweepStereo(
-        poses(CENTRES, features()), lambda frame: pictures[frame - 1], options=StereoOptions(long_side=160)
+        poses(CENTRES, features()), lambda frame: pictures[frame - 1], long_side=160
     ).at(MIDDLE)
     assert result.inverse_depth.shape == (120, 160)
     assert result.pinhole == LENS.scaled(160, 120)

@@ -30,7 +30,6 @@ from addon.core.frame.report import Used, frame_report, summary
 from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.light import to_linear
 from addon.core.warp.layered_depth_image import Fill
-from addon.core.warp.layered_mesh import LayeredMeshOptions
 from addon.core.warp.quadtree import triangulate
 from addon.core.warp.rasterise import at_pixels
 from addon.render.views.average import draw_shares
@@ -135,7 +134,7 @@ def test_what_is_lent_is_not_made_up() -> None:
 
 def test_a_coarse_texture_has_the_same_sources() -> None:
     fine = shares_of(disc_and_wall())
-    coarse = disc_and_wall(options=LayeredMeshOptions(largest_texture=1))
+    coarse = disc_and_wall(largest_texture=1)
     assert coarse.texture.shape[1] == coarse.layers[0].disoccluded.shape[1]
     assert np.abs(shares_of(coarse) - fine).mean() < 0.005
 

@@ -17,8 +17,9 @@ from addon.core.frame.plan import FramePlan
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.registration import exact_registration
 from addon.core.optics.thin_lens import ThinLens
+from addon.core.warp import layered_mesh
 from addon.core.warp.layered_depth_image import LayeredDepthImage, depth_peel, inpainted, split
-from addon.core.warp.layered_mesh import FINER, WIDEST, LayeredMeshOptions
+from addon.core.warp.layered_mesh import FINER, FIRST_JUMP, WIDEST
 from addon.core.warp.mesh import WarpMesh
 from addon.core.warp.quadtree import SILHOUETTE_ERROR, Surfaces, triangulate
 from addon.render.views import gpu_views
@@ -282,22 +283,21 @@ def hidden_colours(focus: float, shift: Map, wanted: Mask) -> tuple[LinearRGB, M
 
 
 @pytest.mark.parametrize("focus", [NEAR, FAR])
-def test_three_surfaces_make_better_views_than_two(focus: float) -> None:
+def test_three_surfaces_make_better_views_than_two(focus: float, monkeypatch: pytest.MonkeyPatch) -> None:
     offsets, canvas = vogel_disc(24), Canvas(LENS)
     registration = exact_registration(canvas, offsets, focus / 150)
-    found: dict[float, list[float]] = {LayeredMeshOptions.first_jump: [], 0.0: []}
+    found: dict[float, list[float]] = {FIRST_JUMP: [], 0.0: []}
     for gable in GABLES:
         true = np.mean([house(x, y, focus, gable)[..., :3] for x, y in -offsets], axis=0)
         crossing = (np.abs(Y - gable) < 12) & (np.abs(np.abs(X - 80) - DISC) < 12)
         for large, scores in found.items():
-            options = LayeredMeshOptions(first_jump=large)
+            monkeypatch.setattr(layered_mesh, "FIRST_JUMP", large)
             mesh, texture, _ = make_mesh(
                 house(gable=gable),
                 before_house(gable),
                 focus,
                 150.0,
                 fill=partial(hidden_colours, focus),
-                options=options,
             )
             made = planned(canvas, focus, mesh, offsets, registration)
             scores.append(psnr(drawn(made, texture)[crossing][:, :3].astype(np.float64), true[crossing]))
@@ -345,16 +345,14 @@ def test_what_stands_past_the_border_is_blurred_into_the_picture(is_known: bool)
         assert scores[0] == pytest.approx(scores[1], abs=0.5)
 
 
-def test_a_surface_does_not_tear_between_two_silhouettes() -> None:
+def test_a_surface_does_not_tear_between_two_silhouettes(monkeypatch: pytest.MonkeyPatch) -> None:
     """The house is behind the disc, and before the wall: near the one it is the far surface, near the other
     the near one, and between them it goes on."""
-    options = LayeredMeshOptions(first_jump=0.0)
+    monkeypatch.setattr(layered_mesh, "FIRST_JUMP", 0.0)
     canvas = Canvas(LENS)
     for offset in np.array([[0.0, 0.95], [0.7, 0.7]]):
         registration = exact_registration(canvas, offset[None], NEAR / 150)
-        mesh, texture, _ = make_mesh(
-            house(), before_house(), NEAR, 150.0, fill=partial(hidden_colours, NEAR), options=options
-        )
+        mesh, texture, _ = make_mesh(house(), before_house(), NEAR, 150.0, fill=partial(hidden_colours, NEAR))
         made = planned(canvas, NEAR, mesh, offset[None], registration)
         view = drawn(made, texture)
         x, y = -offset
@@ -453,8 +451,7 @@ def test_what_is_displaced_out_of_the_picture_comes_back() -> None:
 
 def test_a_large_texture_is_left_as_it_is() -> None:
     fine, finer = make_mesh(scene(), SHIFT, FAR, 150.0)[:2]
-    coarse = LayeredMeshOptions(largest_texture=1)
-    plain, texture = make_mesh(scene(), SHIFT, FAR, 150.0, options=coarse)[:2]
+    plain, texture = make_mesh(scene(), SHIFT, FAR, 150.0, largest_texture=1)[:2]
     assert finer.shape[0] == 2 * texture.shape[0]
     np.testing.assert_allclose(fine.texture_xy, 2 * plain.texture_xy - 0.5)
 

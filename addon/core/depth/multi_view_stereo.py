@@ -7,7 +7,7 @@ each pixel's inverse depth. Moving pixels of a mask have no depth here.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -56,30 +56,12 @@ BLIND_PARALLAX = 0.3
 """Share of the width by which the nearest thing moves in the farthest frame, without points."""
 
 
-@dataclass(frozen=True)
-class StereoOptions:
-    """Options of the dense depth of a single frame.
-
-    All constants here were chosen by inspection, and then judged together on the scenes with true depth
-    (`python -m benchmarks.accuracy.dense_depth`).
-    """
-
-    long_side: int = 960
-    """Pixels of the longer side that is worked at. Past it, time and memory grow and a blur gains little."""
-    levels: tuple[int, int] = (16, 64)
-    """Least and largest number of depth levels. Chosen by inspection."""
-    probe_share: float = 0.01
-    """Share of the picture that must be nearer than all points to be believed. Chosen by inspection."""
-
-    def of_photos(self) -> StereoOptions:
-        """Return the options for unordered photos.
-
-        Where they stand far apart, a level is a step of many pixels, and things nearer than all points are
-        found by chance: kermit (real data) has no depth otherwise.
-        """
-        return replace(self, levels=(self.levels[0], PHOTO_LEVELS), probe_share=1.0)
-
-
+LONG_SIDE = 960
+"""Pixels of the longer side that is worked at. Past it, time and memory grow and a blur gains little."""
+LEVELS = 16, 64
+"""Least and largest number of depth levels. Chosen by inspection."""
+PROBE_SHARE = 0.01
+"""Share of the picture that must be nearer than all points to be believed. Chosen by inspection."""
 MASKED = 85
 """Fourth channel of a picture in moving pixels: seen, but no depth comes from them."""
 KEPT_PICTURES = 128 << 20
@@ -87,9 +69,9 @@ KEPT_PICTURES = 128 << 20
 KEPT_SPANS = 64
 """Frames whose range of depths and possible source views are remembered."""
 PHOTO_LEVELS = 160
-"""Largest number of depth levels of photos. Chosen by inspection."""
-COARSE = StereoOptions(long_side=320)
-"""Options for the coarse depth of the static scene: a third of the size. Chosen by inspection."""
+"""Largest number of depth levels of photos: a level is a step of many pixels. Chosen by inspection."""
+COARSE = LONG_SIDE // 3
+"""Pixels of the longer side for the coarse depth of the static scene. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +100,7 @@ class PlaneSweepStereo:
         self,
         reconstruction: Reconstruction,
         read: Callable[[int], Pixels],
-        options: StereoOptions = StereoOptions(),
+        long_side: int = LONG_SIDE,
         mask: Moving | None = None,
         unseen: Moving | None = None,
         matcher: Matcher = winning_levels,
@@ -128,13 +110,12 @@ class PlaneSweepStereo:
         Args:
             reconstruction: Solve of the clip.
             read: Returns a frame's picture as `Footage.read` does.
-            options: Size and levels.
+            long_side: Pixels of the longer side that is worked at.
             mask: Moving pixels of swept frames.
             unseen: Moving pixels of source views, where `mask` is too slow for these.
             matcher: Finds the depth levels.
         """
-        options = options if reconstruction.is_ordered else options.of_photos()
-        self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
+        self._rec, self._read, self._long_side, self._mask = reconstruction, read, long_side, mask
         self._unseen, self._matcher = unseen or mask, matcher
         self._pictures = LRUCache[Bytes](KEPT_PICTURES, lambda picture: picture.nbytes)
         self._ranges = LRUCache[tuple[float, float]](KEPT_SPANS)
@@ -146,7 +127,6 @@ class PlaneSweepStereo:
         UserError where the frame or a neighbour cannot be read, no frame is registered, or its lens bends
         more than a flat picture can show.
         """
-        options = self._options
         image, _ = self._rec.image_at(frame)
         masked = self._masked(image)
         canvas, own = self._canvas(image), self._picture(image).copy()
@@ -165,7 +145,8 @@ class PlaneSweepStereo:
         sparse = np.maximum(interpolate(guide, known, count, median), 0)
         if widest < LEAST_PARALLAX:
             return DenseDepth(frame, sparse, np.zeros(shape, np.float32), masked, canvas.pinhole)
-        levels = np.linspace(low, high, int(np.clip(np.ceil(widest / LEVEL_STEP), *options.levels)))
+        most = LEVELS[1] if self._rec.is_ordered else PHOTO_LEVELS
+        levels = np.linspace(low, high, int(np.clip(np.ceil(widest / LEVEL_STEP), LEVELS[0], most)))
         views = [self._view(image, own, one, middle) for one in near]
         level, confidence = matched_levels(own, views, levels, Features(known, count), self._matcher)
         inverse = low + (levels[1] - levels[0]) * smooth(level)
@@ -215,7 +196,7 @@ class PlaneSweepStereo:
     def _canvas(self, image: Image) -> Canvas:
         """The undistorted picture of a frame at the size worked at."""
         camera = self._rec.cameras[image.camera]
-        zoom = min(1.0, self._options.long_side / max(camera.width, camera.height))
+        zoom = min(1.0, self._long_side / max(camera.width, camera.height))
         size = max(round(camera.width * zoom), 1), max(round(camera.height * zoom), 1)
         return self._rec.canvas(image, size)
 
@@ -276,8 +257,13 @@ class PlaneSweepStereo:
         return float(low), float(high + spare)
 
     def _nearest(self, image: Image, own: Bytes, low: float, high: float) -> float:
-        """The largest inverse depth again, where things stand nearer than all points: by a coarse sweep."""
-        options = self._options
+        """The largest inverse depth again, where things stand nearer than all points: by a coarse sweep.
+
+        In photos, which stand far apart, such things are found by chance: kermit (real data) has no depth
+        otherwise.
+        """
+        if not self._rec.is_ordered:
+            return high
         near = self._neighbours(image, (low, high), PROBE_PARALLAXES)
         if not near or max(one.parallax for one in near) < LEAST_PARALLAX:
             return high
@@ -287,9 +273,9 @@ class PlaneSweepStereo:
         none = Features.none(small.shape)
         level, confidence = matched_levels(small, views, levels, none, self._matcher)
         nearer = low + (levels[1] - levels[0]) * level[confidence > 0.5]
-        if np.count_nonzero(nearer > high) < options.probe_share * level.size:
+        if np.count_nonzero(nearer > high) < PROBE_SHARE * level.size:
             return high
-        return float(max(high, np.percentile(nearer, 100 - 10 * options.probe_share)))
+        return float(max(high, np.percentile(nearer, 100 - 10 * PROBE_SHARE)))
 
     def _neighbours(
         self, image: Image, span: tuple[float, float], shares: tuple[float, ...]

@@ -17,7 +17,7 @@ from ..camera.reconstruction import Image, Reconstruction
 from .completed_depth import stepped
 from .map_fit import ClipFit, FrameLine, fit_clip, fit_depth, frame_line, steadied
 from .map_fusion import level_of
-from .multi_view_stereo import StereoOptions
+from .multi_view_stereo import LONG_SIDE
 from .source import DepthSource, PixelDepth
 from .sparse import COLUMNS, DepthSamples, frame_features
 from .user_maps import DepthMaps
@@ -32,8 +32,6 @@ KEPT_MAPS = 16
 """Frames whose small maps are remembered, 2 MB each: those for the background of one frame, and some more."""
 LEAST_AROUND = 3
 """Least number of these frames with a depth at a place. Chosen by inspection."""
-LONGEST_BEHIND = StereoOptions.long_side
-"""Pixels of the long side at which the background is found, as depth is."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ class UserDepth(DepthSource):
     def _small(self, frame: int) -> Map:
         """`_without_holes` (h, w) at the size of the background's search."""
         whole = self._without_holes(frame)
-        zoom = min(1.0, LONGEST_BEHIND / max(whole.shape))
+        zoom = min(1.0, LONG_SIDE / max(whole.shape))
         size = round(zoom * whole.shape[1]), round(zoom * whole.shape[0])
         return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_NEAREST))
 
@@ -99,7 +97,7 @@ class UserDepth(DepthSource):
         here, _ = self.reconstruction.image_at(frame)
         pinhole = canvas.pinhole
         # Behind silhouettes pixels of a large picture are not worth their memory.
-        apart = -(-max(pinhole.width, pinhole.height) // LONGEST_BEHIND)
+        apart = -(-max(pinhole.width, pinhole.height) // LONG_SIDE)
         places = pixel_centres(pinhole.width, pinhole.height)[apart // 2 :: apart, apart // 2 :: apart]
         rays = np.dstack([(places - pinhole.principal_point) / pinhole.focal, np.ones(places.shape[:2])])
         others = source_frames(self.reconstruction, frame)

@@ -20,7 +20,7 @@ from ..depth.depth_store import DepthStore
 from ..depth.flat_scene import EstimatedDepth
 from ..depth.map_fusion import FusionOptions
 from ..depth.matching import Matcher, winning_levels
-from ..depth.multi_view_stereo import Moving, PlaneSweepStereo, StereoOptions
+from ..depth.multi_view_stereo import Moving, PlaneSweepStereo
 from ..depth.source import FAINTEST, DepthSource, FirstKnown, PixelDepth
 from ..depth.sparse import DepthSamples
 from ..depth.sparse_depth import SparseDepth
@@ -81,34 +81,33 @@ class ClipContext:
     from_rec_709: Floats | None = None
     """(3, 3) from the primaries of Rec.709, those of integer pictures, to those of the working space."""
 
-    @cached_property
+    @property
     def stereo(self) -> TemporalFusion:
         """Depth of every pixel by stereo in normal quality, at the size of the stereo pictures."""
-        return self._stereo(NORMAL)
+        return self.stereo_of(NORMAL)
 
     def stereo_of(self, quality: Quality) -> TemporalFusion:
         """Return the depth by stereo in a quality; see `stereo`."""
-        options = quality.stereo, quality.fusion
-        if options == (NORMAL.stereo, NORMAL.fusion):
-            return self.stereo
-        if options not in self._others:
-            self._others[options] = self._stereo(quality)
-        return self._others[options]
+        options = quality.stereo_side, quality.fusion
+        if options not in self._stereos:
+            self._stereos[options] = self._stereo(quality)
+        return self._stereos[options]
 
     @cached_property
-    def _others(self) -> dict[tuple[StereoOptions, FusionOptions], TemporalFusion]:
+    def _stereos(self) -> dict[tuple[int, FusionOptions], TemporalFusion]:
         return {}
 
     def _stereo(self, quality: Quality) -> TemporalFusion:
         if not quality.finds_subjects:
             alone = PlaneSweepStereo(
-                self.reconstruction, self.read, quality.stereo, self.masks, matcher=self.matcher
+                self.reconstruction, self.read, quality.stereo_side, self.masks, matcher=self.matcher
             )
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
         store = self._store_of(quality)
         single_frame = PlaneSweepStereo(
-            self.reconstruction, self.read, quality.stereo, self.moving, self.masks or _nothing, self.matcher
-        )
+            self.reconstruction, self.read, quality.stereo_side, self.moving, self.masks or _nothing,
+            self.matcher,
+        )  # fmt: skip
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion, self._parts.placed)
 
     def moving(self, frame: int) -> Mask | None:

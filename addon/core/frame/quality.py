@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass, field, replace
 
 from ..depth.map_fusion import FusionOptions
-from ..depth.multi_view_stereo import COARSE, StereoOptions
-from ..warp.layered_mesh import LayeredMeshOptions
+from ..depth.multi_view_stereo import COARSE, LONG_SIDE
+from ..warp.layered_mesh import LARGEST_TEXTURE
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class Quality:
     longest: int = 1920
     """Most pixels of the long side at which it is drawn with dense depth; detail in focus is the source's.
     With 1920, a clip of 2160x3840 differs by 46.4 dB from full size, in a seventh of the time."""
-    stereo: StereoOptions = field(default_factory=StereoOptions)
-    """Stereo of key frames."""
+    stereo_side: int = LONG_SIDE
+    """Pixels of the longer side at which stereo finds the depth of key frames."""
     fusion: FusionOptions = field(default_factory=FusionOptions)
     """Fusion of depth over time, and choice of key frames."""
-    mesh: LayeredMeshOptions = field(default_factory=LayeredMeshOptions)
-    """Triangulation and texture of layers."""
+    largest_texture: int = LARGEST_TEXTURE
+    """Most texels of a texture finer than the picture."""
     better: Quality | None = None
     """The quality whose stored depth is preferred."""
     finds_subjects: bool = True
@@ -53,15 +53,15 @@ class Quality:
 NORMAL = Quality("normal", 1, "Recommended")
 DRAFT = Quality(
     "draft", 0, "A quick look: drawn at half size, with full sharpness where in focus",
-    views=0.5, shrink=2, longest=960, stereo=StereoOptions(long_side=480),
-    mesh=LayeredMeshOptions(largest_texture=0), better=NORMAL,
+    views=0.5, shrink=2, longest=960, stereo_side=480,
+    largest_texture=0, better=NORMAL,
 )  # fmt: skip
 """A quarter of normal's time to draw, and a third with depth to find (`python -m benchmarks.timings.speed`),
 for 0.7, 2.6 and 1.4 dB on bars, fence and walk with true depth at 32 pixels (`python -m
 benchmarks.accuracy.envelope`; fence by a scratch script)."""
 FIRST_LOOK = replace(
     DRAFT, name="first look", help="From neighbouring frames alone, shown while depth is found",
-    stereo=COARSE, fusion=FusionOptions(step=1, sides=0), finds_subjects=False,
+    stereo_side=COARSE, fusion=FusionOptions(step=1, sides=0), finds_subjects=False,
 )  # fmt: skip
 """Internal: shown before a frame's depth is known."""
 FINAL = Quality(

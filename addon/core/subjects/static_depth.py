@@ -55,7 +55,7 @@ class StaticDepth:
 
     @cached_property
     def _shown(self) -> PlaneSweepStereo:
-        return PlaneSweepStereo(self.reconstruction, self.read, replace(COARSE, long_side=LONG_SIDE))
+        return PlaneSweepStereo(self.reconstruction, self.read, LONG_SIDE)
 
     def canvas(self, frame: int) -> Canvas:
         """Return the undistorted picture of a frame at the size of its depth."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -39,23 +39,17 @@ JUMP = 0.19
 """Displacement at which neighbours are cut, as a share of the largest blur's radius. Chosen by inspection."""
 JUMP_BOUNDS = (1.0, 3.0)
 """Bounds of this jump in pixels. Chosen by inspection."""
+FIRST_JUMP = 0.5
+"""First jump, as a share of the largest blur's radius without outliers, so that three surfaces can meet. By
+`python -m benchmarks.accuracy`: fence has 35.1 instead of 33.8 dB (32 px, true depth), walk 42.1 instead of
+41.6, with 3.6 instead of 13.0 % of the grid's triangles."""
+LARGEST_TEXTURE = 8_000_000
+"""Most texels; a larger texture, from about 1280x720 on, has the frame's resolution. Once prefiltered, that
+costs 0.04 to 0.16 dB at 640x360 (bars, walk, fence, blocks, 32 px, 16 views) and leaves a phone's frames
+equal to 60 dB; at 1920x1080 it saves a fifth of a frame's time and a third of its memory (scratch scripts;
+`python -m benchmarks.timings.frame_costs`)."""
 WIDEST = 0.25
 """Limit of the displacement from the focal plane, as a share of the long side. Chosen by inspection."""
-
-
-@dataclass(frozen=True)
-class LayeredMeshOptions:
-    """The resolution of a layered mesh and its jumps."""
-
-    first_jump: float = 0.5
-    """First jump, as a share of the largest blur's radius without outliers, so that three surfaces can meet.
-    By `python -m benchmarks.accuracy`: fence has 35.1 instead of 33.8 dB (32 px, true depth), walk 42.1
-    instead of 41.6, with 3.6 instead of 13.0 % of the grid's triangles."""
-    largest_texture: int = 8_000_000
-    """Most texels; a larger texture, from about 1280x720 on, has the frame's resolution. Once prefiltered,
-    that costs 0.04 to 0.16 dB at 640x360 (bars, walk, fence, blocks, 32 px, 16 views) and leaves a phone's
-    frames equal to 60 dB; at 1920x1080 it saves a fifth of a frame's time and a third of its memory (scratch
-    scripts; `python -m benchmarks.timings.frame_costs`)."""
 
 
 def layer_mesh(
@@ -63,7 +57,7 @@ def layer_mesh(
     depth: PixelDepth,
     thin_lens: ThinLens,
     hidden: HiddenColours | None = None,
-    options: LayeredMeshOptions = LayeredMeshOptions(),
+    largest_texture: int = LARGEST_TEXTURE,
     memory: ReusedMemory | None = None,
     beyond: float = 0.0,
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
@@ -76,7 +70,7 @@ def layer_mesh(
         depth: Depth of its pixels and past its border, not `ThinLens.rectified`.
         thin_lens: Gives the displacement of pixels in views; the mesh's inverse depths are its `rectified`.
         hidden: Colours of other frames behind silhouettes and past the border; by default they are inpainted.
-        options: Resolution and jumps.
+        largest_texture: Most texels of a texture finer than the picture.
         memory: Memory of the texture, by default new.
         beyond: Pixels past the border besides those that the lens's views see, for cameras with another
             direction.
@@ -107,7 +101,7 @@ def layer_mesh(
     jump = float(np.clip(JUMP * largest, *JUMP_BOUNDS))
     # Outliers of depth must not influence the first jump.
     typical_largest = float(np.percentile(own[::4, ::4], 99.9))
-    first = options.first_jump * typical_largest
+    first = FIRST_JUMP * typical_largest
     jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
     opacity = depth.opacity
@@ -117,7 +111,7 @@ def layer_mesh(
     if depth.behind is not None:
         behind = np.pad(relative(depth.behind), margin, constant_values=np.nan)
     layers = depth_peel(wide, shift, jumps, fill, opacity, behind)
-    found = triangulated(layers, thin_lens.snap_displacement, options)
+    found = triangulated(layers, thin_lens.snap_displacement)
     surfaces = [(found[-1][0].far, found[-1][1].far, len(layers))]
     drawn = []
     checkpoint(0.75)
@@ -134,7 +128,7 @@ def layer_mesh(
         replace(split, margin_reprojected=margin_reprojected, drawn=covered)
         for split, covered in zip(layers, drawn, strict=True)
     )
-    if len(pictures) * shift.size * FINER**2 > options.largest_texture:
+    if len(pictures) * shift.size * FINER**2 > largest_texture:
         return mesh, np.concatenate([*fronts, pictures[-1]]), layers
     # A pixel's centre is a texel's centre: in the focal plane, views show the frame's own pixels.
     mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
@@ -189,16 +183,11 @@ def _fill_margin(wide: LinearRGBA, shift: Map, margin: int, past: Map | None, fi
 
 
 def triangulated(
-    layers: tuple[LayeredDepthImage, ...],
-    snap: Callable[[Map], Map],
-    options: LayeredMeshOptions,
+    layers: tuple[LayeredDepthImage, ...], snap: Callable[[Map], Map]
 ) -> list[tuple[Surfaces, Triangles]]:
     """Return the surfaces of each layered depth image and their triangles.
 
-    Args:
-        layers: The images.
-        snap: Maps disparities (h, w), in pixels relative to the focal plane, to drawn ones.
-        options: Limits.
+    `snap` maps disparities (h, w), in pixels relative to the focal plane, to drawn ones.
     """
     error: Map = np.asarray(ERROR + RELATIVE_ERROR * np.abs(layers[-1].back_disparity))
     jobs = []

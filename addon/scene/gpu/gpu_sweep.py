@@ -2,7 +2,7 @@
 
 As `core.depth.matching.winning_levels` on the processor, which is the reference. The costs of a picture of
 960x540 pixels and 64 levels take 66 MB, and four to five times as much lies on the GPU at once. Pictures are
-at most 960 pixels long (`StereoOptions.long_side`), so no more than twice that is ever taken.
+at most 960 pixels long (`multi_view_stereo.LONG_SIDE`), so no more than twice that is ever taken.
 """
 
 from __future__ import annotations

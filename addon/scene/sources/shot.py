@@ -165,7 +165,7 @@ class Shot:
     def _depth_key(self, quality: Quality) -> str:
         """16 hexadecimal digits of all inputs of the clip's depth in a quality, as its files are now."""
         marked = tuple(each.key for each in self.subjects)
-        return self._key(marked, quality.stereo, quality.fusion, Networks().exist)
+        return self._key(marked, quality.stereo_side, quality.fusion, Networks().exist)
 
     def _subject_key(self) -> str:
         """The same for subjects, independent of strokes."""

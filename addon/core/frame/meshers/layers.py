@@ -36,9 +36,10 @@ def make(geometry: FrameGeometry) -> Surface:
             )
             if own := geometry.own_lens:
                 hidden = _by_true_depth(hidden, partial(own.true, geometry.frame, geometry.lens))
+    quality = geometry.settings.quality
     with stage("Mesh", FILLED, 1.0):
         mesh, texture, layers = layer_mesh(
-            geometry.picture, geometry.depth_to_blur, geometry.lens, hidden, geometry.settings.quality.mesh,
+            geometry.picture, geometry.depth_to_blur, geometry.lens, hidden, quality.largest_texture,
             geometry.clip.texture_memory, geometry.beyond,
         )  # fmt: skip
     return Surface(mesh, texture, bool(geometry.picture[..., 3].min() > 0.999), layers)
