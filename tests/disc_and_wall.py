@@ -125,6 +125,6 @@ def disc_and_wall(
     offsets, canvas = RADIUS * vogel_disc(24), Canvas(LENS)
     registration = exact_registration(canvas, offsets, focus / LENS.fx)
     thin = ThinLens(LENS, RADIUS, focus / LENS.fx)
-    plan = FramePlan(1, canvas, thin, mesh, offsets, registration, 16.0, False)
+    plan = FramePlan(1, canvas, thin, mesh, offsets, registration, False)
     sure = np.where(X < 80, 1, 0).astype(np.float32)
     return WarpedFrame(plan, painted, "layers", "", True, PixelDepth(shift / LENS.fx, sure), layers)

@@ -256,7 +256,7 @@ def _dense_plan(case: BenchmarkCase, views: int) -> FramePlan:
     lens = ThinLens(canvas.pinhole, case.radius, focus)
     return FramePlan(
         case.frame, canvas, lens, WarpMesh(xy, xy, inverse, triangles), offsets,
-        exact_registration(canvas, offsets, focus), float(np.abs(case.disc).max()), False,
+        exact_registration(canvas, offsets, focus), False,
     )  # fmt: skip
 
 

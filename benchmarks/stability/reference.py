@@ -155,7 +155,7 @@ def one_triangle(
         np.array([[0, 1, 2]], dtype=np.int32),
     )  # fmt: skip
     thin = ThinLens(camera, float(np.linalg.norm(offsets, axis=1).max(initial=0.0)), focus)
-    return FramePlan(1, canvas, thin, mesh, offsets, exact_registration(canvas, offsets, focus), 0.0, False)
+    return FramePlan(1, canvas, thin, mesh, offsets, exact_registration(canvas, offsets, focus), False)
 
 
 def plane_places(

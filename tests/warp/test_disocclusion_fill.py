@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from addon.core.depth.view_selection import source_frames
 from addon.core.media.light import decode_srgb, to_linear
-from addon.core.warp.disocclusion_fill import DisocclusionFill
+from addon.core.warp.disocclusion_fill import DisocclusionFill, ReprojectedColours
 from addon.core.warp.source_view import Places, SourceView
 
 from .. import planes
@@ -216,6 +217,11 @@ def with_poster(inverse: float) -> NDArray[np.float64]:
     return shown
 
 
+def source_of(reprojected: ReprojectedColours, frame: int) -> SourceView:
+    frames = [image.frame for image in source_frames(shot(), MIDDLE)]
+    return dict(zip(frames, reprojected.sources, strict=True))[frame]
+
+
 def seen_by(source: SourceView, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(n,) which places (n, 2) of the wall another frame sees."""
     return np.isfinite(source.colours(Places.of(places, np.full(len(places), 1 / DEPTH)))).all(axis=0)
@@ -230,7 +236,7 @@ def test_what_goes_on_past_the_border_hides_what_is_behind() -> None:
         MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown
     )
     places = np.argwhere(board)[:, ::-1] + 0.5
-    source = next(s for s in reprojected.sources if s.frame == MIDDLE - 1)
+    source = source_of(reprojected, MIDDLE - 1)
     assert not seen_by(source, places).any()
     assert seen_by(source, places + np.array([38, 0])).all()
 
@@ -299,7 +305,7 @@ def test_a_single_frame_gives_only_colours_like_those_around() -> None:
         reprojected = DisocclusionFill(shot(), read).reprojected(
             MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown
         )
-        alone = replace(reprojected, sources=tuple(s for s in reprojected.sources if s.frame == MIDDLE - 2))
+        alone = replace(reprojected, sources=(source_of(reprojected, MIDDLE - 2),))
         _, known = alone.colours(places, np.full(len(places), 1 / DEPTH))
         shares.append(known.mean())
     assert min(shares[:2]) > 0.3 and max(shares[2:]) < 0.05

@@ -47,7 +47,7 @@ from ..disc_and_wall import (
 def planned(canvas: Canvas, focus: float, mesh: WarpMesh, offsets: Floats, registration: Floats) -> FramePlan:
     """A plan of these views; `focus` is the focal plane's displacement in pixels at a radius of one."""
     thin = ThinLens(LENS, 1.0, focus / 150)
-    return FramePlan(1, canvas, thin, mesh, offsets, registration, 16.0, False)
+    return FramePlan(1, canvas, thin, mesh, offsets, registration, False)
 
 
 def areas(triangles: NDArray[np.int32], width: int) -> Floats:

@@ -88,7 +88,7 @@ def drawn(depth: PixelDepth, focus: float, hidden: HiddenColours | None) -> Map:
     thin, offsets = ThinLens(LENS, 1.0, focus / LENS.fx), vogel_disc(VIEWS)
     mesh, painted, _ = layer_mesh(picture, depth, thin, hidden)
     registration = exact_registration(Canvas(LENS), offsets, focus / LENS.fx)
-    plan = FramePlan(1, Canvas(LENS), thin, mesh, offsets, registration, 16.0, False)
+    plan = FramePlan(1, Canvas(LENS), thin, mesh, offsets, registration, False)
     return np.asarray(gpu_views.mean_of_views(plan, painted)[..., :3])
 
 

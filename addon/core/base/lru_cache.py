@@ -6,6 +6,9 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 
+MOST = 64
+"""Values that are remembered by default: small results of the frames around one."""
+
 
 class LRUCache[V]:
     """Values by frame or another key; drops the least recently used, but never the last.
@@ -13,7 +16,7 @@ class LRUCache[V]:
     Two threads that ask for a value at once may both make it. `limit` bounds the sum of the values' sizes.
     """
 
-    def __init__(self, limit: int, size: Callable[[V], int] = lambda value: 1) -> None:
+    def __init__(self, limit: int = MOST, size: Callable[[V], int] = lambda value: 1) -> None:
         self._limit, self._size = limit, size
         self._kept: OrderedDict[Hashable, V] = OrderedDict()
         self._lock = threading.Lock()

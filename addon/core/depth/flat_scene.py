@@ -41,8 +41,6 @@ SHALLOWEST = 0.02
 """Tangent below the horizon of the farthest feet whose distance is known."""
 BORDER = 2
 """Pixels from the border of a mask within which it is cut off."""
-KEPT = 64
-"""Frames whose subjects are remembered, 2 MB each."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +163,7 @@ class EstimatedDepth(DepthSource):
     opacity: Callable[[int], Map | Mask | None]
     """That of all subjects (H, W) in [0, 1], by source frame; None without any."""
     _seen: LRUCache[tuple[Map, Mask]] = field(
-        default_factory=lambda: LRUCache[tuple[Map, Mask]](KEPT), repr=False, compare=False
+        default_factory=LRUCache[tuple[Map, Mask]], repr=False, compare=False
     )
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:

@@ -66,8 +66,6 @@ MASKED = 85
 """Fourth channel of a picture in moving pixels: seen, but no depth comes from them."""
 KEPT_PICTURES = 128 << 20
 """Bytes of remembered pictures: 64 of 960x540 pixels, or all of a clip at a third of this size."""
-KEPT_SPANS = 64
-"""Frames whose range of depths and possible source views are remembered."""
 PHOTO_LEVELS = 160
 """Largest number of depth levels of photos: a level is a step of many pixels. Chosen by inspection."""
 COARSE = LONG_SIDE // 3
@@ -118,8 +116,8 @@ class PlaneSweepStereo:
         self._rec, self._read, self._long_side, self._mask = reconstruction, read, long_side, mask
         self._unseen, self._matcher = unseen or mask, matcher
         self._pictures = LRUCache[Bytes](KEPT_PICTURES, lambda picture: picture.nbytes)
-        self._ranges = LRUCache[tuple[float, float]](KEPT_SPANS)
-        self._parallaxes = LRUCache[list[tuple[Image, float]]](2 * KEPT_SPANS)
+        self._ranges = LRUCache[tuple[float, float]]()
+        self._parallaxes = LRUCache[list[tuple[Image, float]]]()
 
     def at(self, frame: int) -> DenseDepth:
         """Return the depth of the static scene in a frame; that of moving pixels is nowhere sure.

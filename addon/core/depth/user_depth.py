@@ -25,8 +25,6 @@ from .view_selection import source_frames
 
 AROUND = 4
 """Frames on either side by which a frame's scale and shift are steadied. Chosen by inspection."""
-KEPT_LINES = 64
-"""Frames whose own scale and shift are remembered: a few numbers each."""
 
 KEPT_MAPS = 16
 """Frames whose small maps are remembered, 2 MB each: those for the background of one frame, and some more."""
@@ -163,7 +161,7 @@ class UserDepth(DepthSource):
 
     @cached_property
     def _lines(self) -> LRUCache[FrameLine]:
-        return LRUCache(KEPT_LINES)
+        return LRUCache()
 
 
 def _features(reconstruction: Reconstruction, frame: int) -> tuple[Floats, Floats]:

@@ -29,9 +29,6 @@ from ..subjects.standing import Standing
 from ..subjects.static_depth import StaticDepth
 from ..subjects.strokes import MarkedSubject
 
-KEPT_MASKS = 64
-"""Remembered masks of moving pixels: those of the frames around one, for hidden colours."""
-
 
 @dataclass(frozen=True)
 class MovingParts:
@@ -176,7 +173,7 @@ class MovingParts:
 
     @cached_property
     def _masks(self) -> LRUCache[Mask | None]:
-        return LRUCache(KEPT_MASKS)
+        return LRUCache()
 
     @cached_property
     def _distances(self) -> dict[str, SubjectDistance]:

@@ -118,8 +118,6 @@ class FramePlan:
     """(N, 2) positions in scene units, x right and y down, as `ThinLens.sheared_positions`."""
     registration: Floats
     """(N, 2, 3) maps from pixels of a synthesized view to pixels in register with the focal plane."""
-    blur: float
-    """99th percentile in pixels of the blur discs of the frame's pixels or samples."""
     pose_interpolated: bool
     """True if the frame was not registered; its camera comes from its neighbours."""
     weights: Floats | None = None

@@ -112,7 +112,7 @@ class MeshedFrame:
             )
         plan = FramePlan(
             geometry.frame, geometry.canvas, geometry.lens, mesh, views.offsets,
-            views.registration, self.blur, geometry.samples.pose_interpolated, views.weights, views.spread,
+            views.registration, geometry.samples.pose_interpolated, views.weights, views.spread,
             geometry.settings.aperture.vignetting, geometry.settings.aperture.axial_colour,
         )  # fmt: skip
         return WarpedFrame(

@@ -113,7 +113,7 @@ class DisocclusionFill:
         nearest = _nearest(reprojection, target.occluders, apart)
         checkpoint(0.7)
         hides = _hides(nearest, self._wide(other.frame), camera)
-        source = SourceView(other.frame, reprojection, picture, hides, np.ones(3, np.float32))
+        source = SourceView(reprojection, picture, hides, np.ones(3, np.float32))
         colours = np.concatenate([source.colours(some) for some in _parts(target.places)], axis=1)
         checkpoint(0.8)
         gain = _gain(target.colour[:, target.still], colours[:, target.still])

@@ -81,7 +81,6 @@ class Reprojection:
 class SourceView:
     """A source frame's picture and visibility."""
 
-    frame: int
     reprojection: Reprojection
     """From the filled frame into this one."""
     picture: LinearRGB
