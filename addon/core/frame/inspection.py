@@ -34,11 +34,8 @@ LARGEST_TEXTURE = 4096
 TINT = 0.45
 """Largest share of the tint."""
 GREEN, RED = (0.0, 0.8, 0.2), (0.95, 0.1, 0.1)
-WARM = ((1.0, 1.0, 1.0), (1.0, 0.55, 0.1), (0.55, 0.0, 0.0))
-COLD = ((1.0, 1.0, 1.0), (0.3, 0.6, 1.0), (0.0, 0.0, 0.5))
-"""Colours in focus, half way, and of the largest discs: in front of the focal plane, and behind it."""
-NEARER, FARTHER = (0.1, 0.3, 1.0), (0.1, 0.8, 0.2)
-"""Tints in front of the focus, and behind it."""
+WARM, COLD = (0.9, 0.2, 0.0), (0.0, 0.3, 0.9)
+"""Colours of the largest discs in front of the focal plane, and behind it."""
 SHARE = 99.0
 """Per cent of the pixels within the scales of depth and blur; others have the last colour."""
 
@@ -233,9 +230,8 @@ def _blur(signed: Floats) -> Shown:
     known = np.isfinite(signed)
     full = largest_shown(signed)
     share = np.where(known, signed, 0) / full if full > 0 else np.zeros(signed.shape)
-    stops = [-1.0, -0.5, 0.0, 0.5, 1.0]
-    ramp = np.array([*COLD[:0:-1], *WARM])
-    colour = np.stack([np.interp(share, stops, ramp[:, n]) for n in range(3)], axis=2)
+    end = np.where((share > 0)[..., None], WARM, COLD)
+    colour = 1 + np.minimum(np.abs(share), 1)[..., None] * (end - 1)
     return np.where(known[..., None], _bytes(colour), 0).astype(np.uint8)
 
 
@@ -248,7 +244,7 @@ def _focus_tint(warped: WarpedFrame) -> Shown:
     signed = np.nan_to_num(blur_discs(warped))
     least = warped.plan.lens.acceptable_disc
     share = TINT * (1 - 1 / np.maximum(np.abs(signed) / least, 1))
-    colour = np.where((signed > 0)[..., None], np.array(NEARER), np.array(FARTHER))
+    colour = np.where((signed > 0)[..., None], COLD, GREEN)
     return _bytes(np.concatenate([colour, share[..., None]], axis=2))
 
 
