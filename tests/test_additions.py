@@ -12,12 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 ADDON = ROOT / "addon"
 ACTS = {
-    "target_psnr": {
-        "core/frame/frame_path.py",
-        "render/viewport/preview.py",
-        "cli/main.py",
-        "cli/lens_options.py",
-    },
+    "fill_border": {"core/frame/frame_path.py"},
 }
 """By example, where else it is read because it acts there: any option has such a place."""
 

@@ -196,8 +196,6 @@ def check_numbers(options: argparse.Namespace) -> None:
             f"the blur is {options.blur:g}, which is {100 * options.blur:g}% of the image width{meant};"
             f" at most {MOST_BLUR:g} can be drawn"
         )
-    if options.target_psnr and options.views:
-        raise UserError("give the number of views or the target quality, not both")
     if options.focus_distance is not None and not options.focus_distance > 0:
         raise UserError(f"--focus-distance is {options.focus_distance:g}; it must be greater than zero")
     if options.repair:

@@ -204,8 +204,6 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
     least, most = planned.views
     count = str(least) if least == most else f"{least} to {most}"
     taken = f"{count} {'view' if most == 1 else 'views'} each"
-    if settings.target_psnr:
-        taken = f"as many views as {settings.target_psnr:g} dB take"
     say(f"rendering {counted(len(frames), 'frame')} with {taken}")
     if planned.coarse:
         say(

@@ -15,12 +15,12 @@ from functools import partial
 import numpy as np
 
 from addon.core.base.arrays import Floats
-from addon.core.frame.view_error import difference
 from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.optics.aperture_sampling import random_disc, vogel_disc
 from addon.core.optics.registration import exact_registration
 
 from ..accuracy.methods import thin_lens
+from ..accuracy.metrics import psnr
 from ..accuracy.scenes import Picture
 from ..cost import measured
 from .view_error import Scored, drawn
@@ -55,7 +55,7 @@ def against_cycles(scored: Scored, samples: list[int]) -> list[str]:
     for count in COUNTS:
         # Twice: other work on the machine only adds.
         runs = [measured(partial(_prefiltered, scored.meshed, count)) for _ in range(2)]
-        errors.append(difference(runs[0][0], scored.reference))
+        errors.append(psnr(runs[0][0], scored.reference))
         costs.append(min(cost.cpu_s for _, cost in runs))
     # A number more may be a little worse by chance.
     best = np.maximum.accumulate(errors)
@@ -63,7 +63,7 @@ def against_cycles(scored: Scored, samples: list[int]) -> list[str]:
     for count in samples:
         draw = partial(thin_lens, warped.plan, warped.texture, count)
         (one, cost), (other, _) = measured(partial(draw, seed=1)), measured(partial(draw, seed=2))
-        error = difference(one, other) + 10 * np.log10(2)
+        error = psnr(one, other) + 10 * np.log10(2)
         if error > best[-1]:
             lines.append(f"| {scored.name} | {count} | {error:.1f} | {cost.cpu_s:.2f} | - | - | - |")
             continue
@@ -105,4 +105,4 @@ def _prefiltered(meshed: MeshedFrame, count: int) -> Picture:
 
 
 def _squared(one: Picture, other: Picture) -> float:
-    return float(10 ** (-difference(one, other) / 10))
+    return float(10 ** (-psnr(one, other) / 10))

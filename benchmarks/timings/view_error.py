@@ -3,7 +3,7 @@
 A scene's first judged frame with its true depth, drawn through N views: plain, by Vogel's spiral, and with
 the texture prefiltered for N, at positions of equal shares. Scores are PSNR and that of the edge band, in dB,
 against 512 plain views, and against the truth where it has been filmed; the CPU seconds are those of the
-prefilter and of drawing, the mesh is made once. `--wish` draws frames of a wished error instead.
+prefilter and of drawing, the mesh is made once.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.view_error import views_to_error
 from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.registration import exact_registration
@@ -107,36 +106,17 @@ def compare(scored: Scored, counts: list[int]) -> None:
             )
 
 
-def wish(scored: Scored, errors: list[float]) -> None:
-    """A row for each wished error."""
-    surface = scored.meshed.surface
-    for error in errors:
-        # It is written over.
-        own = replace(scored.meshed, surface=replace(surface, texture=surface.texture.copy()))
-        (warped, mean), cost = measured(partial(views_to_error, own, error, draw_mean))
-        picture = warped.plan.canvas.to_source(mean)[..., :3]
-        print(
-            f"| {scored.name} | {scored.blur} | {len(warped.plan.offsets)} | {error:g} dB |"
-            f" {scored.scores(picture)} | - | {cost.cpu_s:.2f} |",
-            flush=True,
-        )
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", nargs="+", default=["bars", "fence", "walk", "blocks"])
     parser.add_argument("--blurs", nargs="+", type=int, default=[16, 32, 64], metavar="PX")
     parser.add_argument("--views", nargs="+", type=int, default=[8, 16, 24, 64, 256])
-    parser.add_argument("--wish", nargs="+", type=float, metavar="DB")
     options = parser.parse_args()
     print("| scene | disc, px | views | texture | PSNR | edges | truth | edges | prefilter, s | drawing, s |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     for name in options.scenes:
         for blur in options.blurs:
-            if options.wish:
-                wish(Scored(name, blur), options.wish)
-            else:
-                compare(Scored(name, blur), options.views)
+            compare(Scored(name, blur), options.views)
 
 
 if __name__ == "__main__":

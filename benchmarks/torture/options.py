@@ -19,7 +19,7 @@ NUMBERS = (
 """Some mean something to some options: then what is rendered must be frames."""
 OPTIONS = (
     "--frames", "--views", "--seed", "--focus-distance", "--focus-point", "--focus-at", "--tilt", "--swing",
-    "--blur", "--aperture-radius", "--target-psnr", "--highlights", "--highlight-threshold", "--jobs",
+    "--blur", "--aperture-radius", "--highlights", "--highlight-threshold", "--jobs",
 )  # fmt: skip
 SHAPE = (
     "blades", "rotation", "roundness", "ratio", "obstruction", "apodisation", "spherical_aberration",

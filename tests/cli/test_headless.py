@@ -196,11 +196,6 @@ def bad_inputs(tmp: Path) -> dict[str, tuple[list[object], str]]:
         "zero blur": (["run", CLIP, *out, "--blur", "0"], "blur is 0; it must be greater than zero"),
         "no views": (["run", CLIP, *out, "--views", "-3"], "views cannot be -3"),
         "views nonsense": (["run", CLIP, *out, "--views", "many"], "it can also be auto"),
-        "no PSNR": (
-            ["run", CLIP, *out, "--target-psnr", "-1"],
-            "target quality (PSNR) cannot be -1; give a number from",
-        ),
-        "PSNR and views": (["run", CLIP, *out, "--target-psnr", "40", "--views", "8"], "not both"),
         "frames outside": (["run", CLIP, *out, "--frames", "90-99"], "has no frames 90-99"),
         "frames nonsense": (["run", CLIP, *out, "--frames", "a-b"], "are not valid"),
         "no solve": (["render", empty, *out], "holds no solve"),
@@ -210,8 +205,7 @@ def bad_inputs(tmp: Path) -> dict[str, tuple[list[object], str]]:
 @pytest.mark.parametrize("name", [
     "missing file", "no images", "one frame", "all frames equal", "two sizes", "empty video", "text as video",
     "output in a file", "unknown output", "one name for all", "focus outside", "focus nonsense",
-    "negative aperture", "zero blur", "no views", "views nonsense", "no PSNR",
-    "PSNR and views", "frames outside", "frames nonsense",
+    "negative aperture", "zero blur", "no views", "views nonsense", "frames outside", "frames nonsense",
     "no solve",
 ])  # fmt: skip
 def test_bad_input_is_one_line_and_leaves_nothing(

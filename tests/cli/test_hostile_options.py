@@ -91,12 +91,12 @@ WRONG = [
                   "spherical_aberration", "vignetting", "axial_colour")
       for value in NO_NUMBERS),
     *((("--" + name, value), "is not a number")
-      for name in ("focus-distance", "tilt", "swing", "blur", "aperture-radius", "target-psnr",
+      for name in ("focus-distance", "tilt", "swing", "blur", "aperture-radius",
                    "highlight-threshold")
       for value in NO_NUMBERS),
     *((("--highlights", value), "is not a number; it can also be off") for value in NO_NUMBERS),
     *((("--" + name, value), "")
-      for name in ("focus-distance", "blur", "aperture-radius", "target-psnr", "highlights",
+      for name in ("focus-distance", "blur", "aperture-radius", "highlights",
                    "highlight-threshold")
       for value in ("-1", "1e39")),
 ]  # fmt: skip

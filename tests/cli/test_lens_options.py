@@ -55,21 +55,6 @@ def test_a_place_is_in_the_frame_that_is_asked_for(
     assert "away at frame 2, from points" in capsys.readouterr().out
 
 
-def test_a_target_psnr_takes_the_place_of_the_number_of_views(
-    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    lens = ("--focus-distance", "6", "--blur", "0.02", "--method", "features", "--frames", "2")
-    words = ["render", str(work), *lens, "--out", str(tmp_path / "o" / "####.png"), "--target-psnr", "35"]
-    report = tmp_path / "report.json"
-    assert run_command([*words, "--report", str(report)]) == 0
-    assert "as many views as 35 dB take" in capsys.readouterr().out
-    (frame,) = json.loads(report.read_text())["frames"]
-    assert frame["views"] >= 4
-    # Another PSNR is another picture.
-    assert run_command([*words[:-1], "50"]) == 1
-    assert "made from other inputs" in capsys.readouterr().err
-
-
 def test_a_quality_says_how_many_views_there_are_and_goes_to_other_processes(
     work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

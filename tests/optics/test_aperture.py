@@ -109,14 +109,6 @@ def test_a_round_hole_is_sampled_as_ever() -> None:
         assert samples.weights is None and samples.spread == 1
 
 
-def test_another_variant_is_another_sampling_of_the_same_light() -> None:
-    for shape in (Aperture(), SHAPES["pentagon"]):
-        one, other = (aperture_samples(shape, 16, variant) for variant in (0, 1))
-        distance = np.linalg.norm(one.positions[:, None] - other.positions, axis=2)
-        assert distance.min(axis=1).max() > 0.05
-        np.testing.assert_allclose(mean_of(one), mean_of(other), atol=2e-3)
-
-
 def mean_of(samples: ApertureSamples) -> np.ndarray:
     weights = np.full(len(samples.positions), 1 / len(samples.positions))
     return np.asarray((weights if samples.weights is None else samples.weights) @ samples.positions)

@@ -36,10 +36,8 @@ RETIRED_NAMES = {
     "Key by Focus Marks Again": "Restore Focus Mark Keys",
     "Mark at Frame": "Mark Frame",
     "Photos in No Order": "Unordered Photos",
-    "Target PSNR": "Target Quality (PSNR)",
     "Use It There": "Use New Location",
     "What is worth its time": "Recommended",
-    "Wished Error": "Target Quality (PSNR)",
     "Zooms": "Zoom Lens",
 }
 """Names that things had, and what they are called now."""

@@ -22,7 +22,6 @@ from .meshers.mesher import FrameGeometry
 from .plan import FrameOptions
 from .repaired_depth import with_repairs
 from .steadied import Steadied, steadied
-from .view_error import views_to_error
 from .warped_frame import MeshedFrame, WarpedFrame, drawn_size, frame_geometry, sampled_disc
 
 FEWEST_SURE = 0.05
@@ -85,17 +84,14 @@ def draw_frame(
         noise = clip.noise(frame, size) if options.grain else None
     with stage("Mesh", READ, WARPED):
         meshed = mesh_frame(clip, frame, options, (small.shape[1], small.shape[0]), small, draw_cg)
-        warped = None if options.target_psnr else meshed.through(meshed.views, reuse=True)
+        warped = meshed.through(meshed.views, reuse=True)
     began = time.perf_counter()
 
     def average(prepared: WarpedFrame) -> LinearRGBA:
         return mean_of_views(prepared, draw_views)
 
     with stage("Views", WARPED, 1.0):
-        if warped is None:
-            warped, mean = views_to_error(meshed, options.target_psnr, average)
-        else:
-            mean = average(warped)
+        mean = average(warped)
     checkpoint(1.0)
     picture = warped.plan.canvas.to_source(mean)
     drawing = Drawing(warped, meshed.geometry, small, source, noise, average)

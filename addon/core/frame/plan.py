@@ -63,13 +63,6 @@ class FrameOptions:
         "Strength of the blur behind the in-focus zone: 1 is the lens's own, 0 leaves all sharp",
         least=0.0, most=2.0, soft_most=1.0, precision=2,
     )  # fmt: skip
-    target_psnr: float = option(
-        0.0, "Target Quality (PSNR)",
-        "Render as many views as a frame needs to come this close, in dB of PSNR, to infinitely many views."
-        " 0 goes by the number of views",
-        least=0.0, most=80.0, soft_most=60.0, precision=1, metavar="DB",
-    )  # fmt: skip
-    """PSNR in dB relative to infinitely many views, which replaces the number of views; 0 for none."""
     stabilize: float = option(
         0.0, "Stabilize",
         "How far the camera's path is smoothed, as far as the clip shows enough: 0 keeps it as it is,"
@@ -97,7 +90,7 @@ class FrameOptions:
     quality: Quality = option(  # noqa: RUF009
         NORMAL, "Quality", "Render time against quality", choices=QUALITIES, can_be_keyed=False
     )
-    """Budget of the frame; a number of views, or a target PSNR, overrides the quality's own."""
+    """Budget of the frame; a number of views overrides the quality's own."""
 
     @property
     def zone(self) -> InFocusZone:

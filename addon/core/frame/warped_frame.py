@@ -103,7 +103,7 @@ class MeshedFrame:
             # Layers are displaced by the lens for which they were made.
             mesh, share = moved.mesh(mesh), moved.aperture_share
             geometry = replace(geometry, canvas=moved.canvas, lens=moved.lens)
-        views = mesher.views(geometry, count, 0)
+        views = mesher.views(geometry, count)
         if prefiltered and mesher.is_prefiltered:
             spread, of_layers = np.float32(views.spread), np.float32(share)
             texture = texture if reuse else texture.copy()
@@ -167,7 +167,7 @@ def view_offsets(clip: ClipContext, frame: int, settings: FrameOptions, size: tu
     """
     geometry = frame_geometry(clip, frame, settings, drawn_size(settings, size))
     count = _count(settings, sampled_disc(geometry), geometry.mesher.is_prefiltered)
-    views: Views = geometry.mesher.views(geometry, count, 0)
+    views: Views = geometry.mesher.views(geometry, count)
     return geometry.lens.aperture_positions(views.offsets)
 
 

@@ -37,8 +37,6 @@ RED_AND_BLUE = [0, 2]
 its shortest focal length between them, in green."""
 MOST_BLADES = 16
 """Most blades of a polygon, as in Blender's `Camera.dof.aperture_blades`; more are round."""
-TURN = np.pi / 4
-"""Radians between two variants of a disc: half of the symmetry of four views."""
 GOLDEN = 0.7548776662466927, 0.5698402909980532
 """Steps of the sequence that positions begin with: Roberts, "The unreasonable effectiveness of
 quasirandom sequences", 2018, in two dimensions."""
@@ -218,8 +216,8 @@ class ApertureSamples:
 
 
 @lru_cache(maxsize=64)
-def aperture_samples(aperture: Aperture, count: int, variant: int = 0) -> ApertureSamples:
-    """Return a number of virtual cameras over an aperture; another `variant` gives other positions.
+def aperture_samples(aperture: Aperture, count: int) -> ApertureSamples:
+    """Return a number of virtual cameras over an aperture.
 
     Each stands in the centroid of an equal share of the light (see `relaxed`). Blurred by a disc of the size
     of a share, the positions blur like the aperture; their weighted mean is the centroid of the light. Raises
@@ -227,19 +225,11 @@ def aperture_samples(aperture: Aperture, count: int, variant: int = 0) -> Apertu
     """
     check_count(count)
     if aperture.is_disc:
-        return ApertureSamples(turned_disc(centroidal_disc(count), variant))
+        return ApertureSamples(centroidal_disc(count))
     cells, light, area = open_cells(aperture)
-    found, mass = relaxed(_start(cells, count, variant), cells, light, area)
+    found, mass = relaxed(_start(cells, count), cells, light, area)
     # Positions that are not fully relaxed have shares of unequal size.
     return ApertureSamples(_fixed(found), _fixed(mass / mass.sum()), float(np.sqrt(area / np.pi)))
-
-
-def turned_disc(positions: Floats, variant: int) -> Floats:
-    """Positions (N, 2) on a disc, turned about its middle; as they are for variant 0. Read-only."""
-    if not variant:
-        return positions
-    cosine, sine = np.cos(variant * TURN), np.sin(variant * TURN)
-    return _fixed(positions @ np.array([[cosine, sine], [-sine, cosine]]))
 
 
 @lru_cache(maxsize=16)
@@ -259,13 +249,13 @@ def open_cells(aperture: Aperture) -> tuple[Floats, Floats, float]:
     return _fixed(cells), _fixed(light[row, column]), float(share.sum() * (2 / CELLS) ** 2)
 
 
-def _start(cells: Floats, count: int, variant: int) -> Floats:
+def _start(cells: Floats, count: int) -> Floats:
     """(count, 2) first positions, evenly over the open cells (n, 2)."""
     cell = np.full((CELLS, CELLS), False)
     at = np.clip(((cells + 1) / 2 * CELLS).astype(int), 0, CELLS - 1)
     cell[at[:, 1], at[:, 0]] = True
     tried = int(np.ceil(1.5 * count * CELLS**2 / len(cells))) + 64
-    place = (0.5 + 0.37 * variant + np.outer(np.arange(tried), GOLDEN)) % 1
+    place = (0.5 + np.outer(np.arange(tried), GOLDEN)) % 1
     column, row = (place * CELLS).astype(int).T
     found = place[cell[row, column]][:count]
     if len(found) < count:

@@ -345,7 +345,7 @@ def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
     context, options, size = wanted.shot.context, wanted.options, wanted.size
     if level <= FAIR:
         quality = FIRST_LOOK if level == FIRST else DRAFT
-        options = replace(options, quality=quality, target_psnr=0.0)
+        options = replace(options, quality=quality)
     if level == ROUGH:
         options = replace(options, method="features", views=ROUGH_VIEWS)
     if level <= COARSE or wanted.is_playing:
@@ -367,7 +367,7 @@ def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
 def _inspected(wanted: Wanted) -> LinearRGBA:
     """(h, w, 4) what a frame is drawn from, of `Wanted.shows`."""
     context, size = wanted.shot.context, wanted.size
-    options = replace(wanted.options, quality=NORMAL, target_psnr=0.0, highlights=NO_HIGHLIGHTS)
+    options = replace(wanted.options, quality=NORMAL, highlights=NO_HIGHLIGHTS)
     with stage("Reading", 0.0, READ):
         source = resized(context.picture(wanted.frame, options.highlights), size)
     with stage("Mesh", READ, WARPED):

@@ -62,7 +62,6 @@ class VIRTUAL_APERTURE_PT_method(ClosedPanel, bpy.types.Panel):  # noqa: N801
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = split(self.layout)
-        layout.prop(settings, "target_psnr")
         layout.prop(settings, "use_auto_views")
         if not settings.use_auto_views:
             layout.prop(settings, "views")

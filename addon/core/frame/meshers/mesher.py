@@ -10,7 +10,7 @@ from ...base.arrays import Floats, LinearRGBA
 from ...camera.canvas import Canvas
 from ...depth.source import PixelDepth
 from ...depth.sparse import DepthSamples
-from ...optics.aperture import ApertureSamples, aperture_samples, turned_disc
+from ...optics.aperture import ApertureSamples, aperture_samples
 from ...optics.aperture_sampling import vogel_disc
 from ...optics.registration import exact_registration
 from ...optics.thin_lens import ThinLens
@@ -90,22 +90,22 @@ class Views:
     """See `ApertureSamples`."""
 
 
-def even_views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
+def even_views(geometry: FrameGeometry, count: int) -> Views:
     """Return views with the focal plane exactly in register.
 
     Positions are Vogel's spiral for a round aperture, otherwise those of `equal_share_views`.
     """
     if not geometry.settings.aperture.is_disc:
-        return equal_share_views(geometry, count, variant)
-    return _in_register(geometry, ApertureSamples(turned_disc(vogel_disc(count), variant)))
+        return equal_share_views(geometry, count)
+    return _in_register(geometry, ApertureSamples(vogel_disc(count)))
 
 
-def equal_share_views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
+def equal_share_views(geometry: FrameGeometry, count: int) -> Views:
     """Return views in the centroids of equal shares of the aperture, in register at the focal plane.
 
-    Prefiltered textures need these. Another `variant` gives other positions.
+    Prefiltered textures need these.
     """
-    return _in_register(geometry, aperture_samples(geometry.settings.aperture, count, variant))
+    return _in_register(geometry, aperture_samples(geometry.settings.aperture, count))
 
 
 def _in_register(geometry: FrameGeometry, samples: ApertureSamples) -> Views:
@@ -131,8 +131,8 @@ class Mesher:
     help: str
     """Text in the interface and on the command line, one sentence without a full stop."""
     make: Callable[[FrameGeometry], Surface]
-    views: Callable[[FrameGeometry, int, int], Views] = even_views
-    """Returns a number of views of a frame; another last argument gives other views of the same aperture."""
+    views: Callable[[FrameGeometry, int], Views] = even_views
+    """Returns a number of views of a frame."""
     needs_pixel_depth: bool = False
     """True if it needs the depth of every pixel; others take samples."""
     is_prefiltered: bool = False

@@ -39,10 +39,10 @@ def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
     )
 
 
-def views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
+def views(geometry: FrameGeometry, count: int) -> Views:
     """Return random positions on a disc (section 3.5), registered by the picked points (section 3.8)."""
     reconstruction, settings = geometry.clip.reconstruction, geometry.settings
-    offsets = geometry.lens.radius * random_disc(count, settings.seed + variant)
+    offsets = geometry.lens.radius * random_disc(count, settings.seed)
     features = frame_features(reconstruction, geometry.frame, geometry.canvas)
     return Views(
         offsets, fitted_registration(reconstruction, features, geometry.canvas, offsets, settings.focus)
