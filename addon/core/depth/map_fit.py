@@ -14,12 +14,11 @@ import numpy as np
 
 from ..base.arrays import Floats
 from ..base.errors import UserError
+from .sparse import FEWEST_POINTS
 from .user_maps import DepthMap, DepthMaps
 
 KINDS = ("depth", "inverse")
 """Kind of a map's stored value d: z = a d + b, or 1 / z = a d + b."""
-MIN_POINTS = 8
-"""Least feature points of a frame's own fit. Chosen by inspection."""
 DISCONTINUITY = 0.1
 """Relative difference of inverse depth from which no depth is interpolated between pixels. Chosen by
 inspection."""
@@ -102,11 +101,11 @@ def fit_clip(maps: DepthMaps, features: Callable[[int], tuple[Floats, Floats]]) 
     seen = []
     for frame in (maps.frames[i] for i in np.unique(np.round(steps).astype(int))):
         stored, inverse = _sampled(maps.read(frame), *features(frame))
-        if len(stored) >= MIN_POINTS:
+        if len(stored) >= FEWEST_POINTS:
             seen.append((frame, stored, inverse))
     if not seen:
         raise UserError(
-            f"the depth maps in {maps.pictures.path.name} know fewer than {MIN_POINTS} feature points a"
+            f"the depth maps in {maps.pictures.path.name} know fewer than {FEWEST_POINTS} feature points a"
             " frame; check that they belong to this clip and are not empty"
         )
     found = [_fit_clip(kind, seen) for kind in KINDS]
@@ -125,7 +124,7 @@ def frame_line(depth: DepthMap, xy: Floats, inverse_depth: Floats, clip: ClipFit
     Huber's weights.
     """
     stored, inverse = _sampled(depth, xy, inverse_depth)
-    if len(stored) < MIN_POINTS:
+    if len(stored) < FEWEST_POINTS:
         return FrameLine(depth.frame, clip.line, np.zeros((2, 2)))
     line, information = _line(clip.kind, (stored - clip.centre) / clip.span, inverse / clip.unit)
     return FrameLine(depth.frame, line, information * min(1.0, INDEPENDENT / len(stored)))
@@ -185,7 +184,7 @@ def fit_depth(
     stored, inverse = _sampled(depth, xy, inverse_depth)
     u, y = (stored - clip.centre) / clip.span, inverse / clip.unit
     missed, constant = _missed(clip.kind, line, u, y)
-    if len(u) >= MIN_POINTS and missed > max(EXPLAINS * constant, USUAL * clip.missed):
+    if len(u) >= FEWEST_POINTS and missed > max(EXPLAINS * constant, USUAL * clip.missed):
         raise _refusal(depth.frame, depth.name, missed, constant)
     stored = depth.values if clip.kind == "inverse" else np.where(depth.values == 0, np.nan, depth.values)
     whole = _inverse(clip.kind, line, (stored - clip.centre) / clip.span) * clip.unit

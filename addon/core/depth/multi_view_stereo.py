@@ -23,7 +23,7 @@ from .completion import interpolate, smooth, splat
 from .matching import Features, Matcher, matched_levels, winning_levels
 from .plane_sweep import View, small_picture
 from .source import FAINTEST
-from .sparse import frame_features
+from .sparse import FEWEST_POINTS, frame_features
 from .view_selection import Neighbour, parallaxes, relative_pose, select_source_views
 
 Moving = Callable[[int], Map | Mask | None]
@@ -48,8 +48,6 @@ PROBE_REACH = 3.0
 """Times the largest inverse depth of the points, up to which that coarse sweep looks."""
 RANGE_MARGIN = 0.2
 """Share of the points' range of inverse depths that is searched beyond it."""
-LEAST_POINTS = 8
-"""Least points for a range of depths."""
 MANY_POINTS = 100
 """Points in the frame from which its range does not need those of other frames."""
 BLIND_PARALLAX = 0.3
@@ -152,7 +150,7 @@ class PlaneSweepStereo:
         if widest < SURE_PARALLAX:
             share = np.float32((widest - LEAST_PARALLAX) / (SURE_PARALLAX - LEAST_PARALLAX))
             confidence *= share
-            if len(features.points) >= LEAST_POINTS:
+            if len(features.points) >= FEWEST_POINTS:
                 inverse = share * inverse + (1 - share) * sparse
         checkpoint(0.8)
         confidence = np.where(masked, np.float32(0), confidence)
@@ -244,7 +242,7 @@ class PlaneSweepStereo:
         # Points that other frames saw may be hidden here, and are less certain.
         own = np.isin(np.arange(len(inside)), image.points)
         inside &= own | (np.count_nonzero(inside & own) < MANY_POINTS)
-        if inside.sum() < LEAST_POINTS:
+        if inside.sum() < FEWEST_POINTS:
             far = max(float(np.linalg.norm(other.centre - image.centre)) for other in self._rec.images)
             nearest = BLIND_PARALLAX * camera.width / camera.fx
             return 0.0, nearest / far if np.isfinite(far) and far > 0 else 1.0

@@ -18,11 +18,8 @@ from .sequence import is_litter, is_pattern, name_numbers
 PACKED = (ARRAY, ".zip")
 """Endings of the files that are read."""
 MOST = 256 << 20
-"""Bytes of one picture of a .zip as it is unpacked: of 8192 x 8192 floats."""
-REMEMBERED = 256 << 20
-"""Bytes of pictures as they were read: maps of frames around one are asked for again."""
-
-
+"""Bytes of one picture of a .zip as it is unpacked, of 8192 x 8192 floats, and of all that are remembered:
+maps of frames around one are asked for again."""
 MISCOUNTED = 2
 """Frames by which programs disagree on how many a video has."""
 LEAST_SHARE = 0.9
@@ -36,7 +33,7 @@ class PackedPictures(Footage):
     decode: Callable[[int], Pixels] = field(kw_only=True, repr=False, compare=False)
     """A frame's picture from the file; OSError or ValueError where it cannot be read."""
     _pictures: LRUCache[Pixels] = field(
-        default_factory=lambda: LRUCache[Pixels](REMEMBERED, lambda picture: picture.nbytes),
+        default_factory=lambda: LRUCache[Pixels](MOST, lambda picture: picture.nbytes),
         repr=False, compare=False,
     )  # fmt: skip
 

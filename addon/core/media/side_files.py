@@ -12,9 +12,7 @@ from ..base.errors import UserError
 from .clip import DEPTH_MAP, Footage, describe, open_footage
 from .packed_pictures import about_as_many, is_packed, open_packed
 from .picture_file import Pixels
-
-STRETCH = 0.02
-"""Relative difference from the clip's shape from which a note is given."""
+from .video_info import is_alike
 
 
 @dataclass(frozen=True)
@@ -176,12 +174,12 @@ def check_aspect(pictures: Footage, clip: Footage, kind: str) -> list[str]:
     Raises:
         UserError: for depth maps that were cropped or padded: one side is the clip's, the other is not.
     """
-    off = abs(pictures.width * clip.height / (pictures.height * clip.width) - 1)
+    is_whole = is_alike(pictures.width, pictures.height, clip.width, clip.height)
     is_cut = (pictures.width == clip.width) != (pictures.height == clip.height)
-    if off <= STRETCH and not is_cut:
+    if is_whole and not is_cut:
         return []
     size, whole = (f"{each.width}x{each.height}" for each in (pictures, clip))
-    if is_cut and off > STRETCH and kind == DEPTH_MAP:
+    if is_cut and not is_whole and kind == DEPTH_MAP:
         raise UserError(
             f"the {kind}s are {size}, the clip is {whole}: they were cropped or padded. Maps of any size are"
             " accepted, but each must show the whole frame"

@@ -27,17 +27,17 @@ SPREAD = 0.42
 """Default point spread: standard deviation in pixels. Larger than the true one makes lamps too bright."""
 SPREADS = (0.38, 1.5)
 """Bounds of the point spread."""
-THICKNESS = (0.02, 0.04)
-"""Shares of the long side: up to the first, a blob has a light source's thickness; from the second on, a
+THICKNESS = 0.02
+"""Share of the long side up to which a blob has a light source's thickness; from twice as much on it is a
 sky's, wall's or window's. Chosen by inspection."""
-LENGTH = (0.1, 0.2)
+LENGTH = 0.1
 """The same for a blob's length. Chosen by inspection."""
 AMONG = (0.0, 0.25)
 """Share of large clipped areas around, from none to that of sky in leaves. Chosen by inspection."""
 AROUND = 0.02
 """Reach of these surroundings as a share of the long side. Chosen by inspection."""
-GROUND = (0.4, 0.8)
-"""Linear light of the surroundings: up to the first, a blob may be a light source; from the second on it is
+GROUND = 0.4
+"""Linear light of the surroundings up to which a blob may be a light source; from twice as much on it is
 noise on a white surface. Chosen by inspection."""
 FLAT = (0.012, 0.022)
 """Mean linear light of a blob over the threshold: from the second on its pixels are clipped but for noise, up
@@ -137,7 +137,7 @@ def clipped_blobs(picture: LinearRGBA, threshold: float) -> Blobs:
         checkpoint()
         some = numbers[(sides == size).all(axis=1)]
         made, ground = _patches(picture, label, stats, some, (int(size[0]), int(size[1])))
-        sure[some] = weight[some] * _falling(ground, *GROUND)
+        sure[some] = weight[some] * _falling(ground, GROUND, 2 * GROUND)
         found.append(made.among(sure[some] > 0))
     kept = np.flatnonzero(sure > 0)
     renamed = np.zeros(len(weight), np.intp)
@@ -162,16 +162,17 @@ def _weights(peak: Map, clipped: Mask, label: Ints, stats: Ints, centres: Floats
     most = value >= threshold
     full = np.bincount(of, most, count)
     level = np.bincount(of, np.where(most, value, 0), count) / np.maximum(full, 1)
-    is_large = thickness > THICKNESS[1] * long_side
+    is_large = thickness > 2 * THICKNESS * long_side
     among = np.zeros(count, np.float32)
     if is_large.any():
         reach = 2 * round(AROUND * long_side) + 1
         around = cv2.boxFilter(is_large[label].astype(np.float32), -1, (reach, reach))
         among = around[tuple(np.clip(centres.astype(int), 0, None).T[::-1])]
+    length = stats[:, cv2.CC_STAT_WIDTH : cv2.CC_STAT_HEIGHT + 1].max(axis=1)
     flat = (min(threshold + each, 1 - 1e-3 / (1 + n)) for n, each in enumerate(FLAT))
     weight = (
-        _falling(thickness / long_side, *THICKNESS)
-        * _falling(stats[:, cv2.CC_STAT_WIDTH : cv2.CC_STAT_HEIGHT + 1].max(axis=1) / long_side, *LENGTH)
+        _falling(thickness / long_side, THICKNESS, 2 * THICKNESS)
+        * _falling(length / long_side, LENGTH, 2 * LENGTH)
         * _falling(among, *AMONG)
         * (1 - _falling(level, *flat))
         * (full > 0)
