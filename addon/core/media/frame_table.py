@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,11 @@ from av.packet import Packet
 from av.video.stream import VideoStream
 
 from ..base import memory
+from ..base.errors import UserError
 from ..base.progress import checkpoint
 from .container import Sound, find_sound, open_video
+from .video_frame import FirstFrame
+from .video_info import VideoInfo, keeps_rate
 
 DEFAULT_RATE = Fraction(24)
 """Frames a second of a clip without a usable rate: cinema's."""
@@ -40,33 +43,6 @@ INDEX = 24
 """Bytes of an AVI's index with one entry, without which it ends in a packet: each has a head of 8 bytes."""
 ABRUPT = 0.75
 """Share of the longest frame interval by which a video may end earlier than its stream's duration."""
-
-
-@dataclass(frozen=True)
-class FrameTable:
-    """The result of a pass over a video."""
-
-    tick: tuple[int, int]
-    """Seconds of a unit of time, as a fraction."""
-    times: tuple[int, ...]
-    """Times of the frames in display order, in ticks; if `is_timed` is False they only count frames."""
-    is_timed: bool
-    """Whether the times are the file's, and increase."""
-    rates: tuple[Fraction, ...]
-    """Frames a second by the file, the most trusted first; at least one."""
-    keys: tuple[int, ...]
-    """Numbers of frames, from 1 on, from which decoding may begin: the first, and others where the container
-    has an index of them."""
-    damaged: tuple[int, ...]
-    """Numbers of the frames that the decoder found damaged."""
-    missing: int
-    """Frames that the container promises past its end."""
-    sound: Sound | None
-    """The sound, with its start in seconds from the first frame; None without a sound track."""
-    sizes: tuple[tuple[int, int, int], ...]
-    """Where the size of the stored pictures begins or changes: frame number, width and height in pixels."""
-    is_interlaced: bool
-    """True if most frames are marked as two fields of different times."""
 
 
 @dataclass
@@ -95,14 +71,19 @@ class _Pass:
     """Where in the file the last of the packets ends, in bytes."""
     last: int = -1
     """The last packet's time of decoding, in ticks."""
+    first: FirstFrame | None = None
+    """Properties of the first frame."""
     end: Fraction = Fraction(0)
     """Where the last packet of any stream ends, in seconds."""
     shown_until: Fraction = Fraction(0)
     """Where the last packet with a picture ends, in seconds."""
 
 
-def read_table(path: Path) -> FrameTable:
-    """Decode a video to its end. UserError where it cannot be opened; passes checkpoints."""
+def read_table(path: Path) -> VideoInfo:
+    """Decode a video to its end; passes checkpoints.
+
+    Raises UserError if it cannot be opened, or no frame can be decoded.
+    """
     container, stream = open_video(path)
     with container:
         found = _read(container, stream, "AUTO")
@@ -111,9 +92,11 @@ def read_table(path: Path) -> FrameTable:
         container, stream = open_video(path)
         with container:
             found = _read(container, stream, "NONE")
+    if found.first is None:
+        raise UserError(f"{path.name} has no frame that can be decoded; convert it to H.264 and try again")
     container, stream = open_video(path)
     with container:
-        return _table(container, stream, found, find_sound(path))
+        return _table(container, stream, found, found.first, find_sound(path))
 
 
 def _read(container: InputContainer, stream: VideoStream, threads: str) -> _Pass:
@@ -176,6 +159,8 @@ def _decode(found: _Pass, packet: Packet[VideoStream]) -> None:
             found.broken.append((packet.pts, len(found.frames)))
         return
     for frame in frames:
+        if found.first is None:
+            found.first = FirstFrame.of(frame, packet.stream)
         if frame.is_corrupt:
             found.corrupt.add(len(found.frames))
         if frame.key_frame:
@@ -186,41 +171,64 @@ def _decode(found: _Pass, packet: Packet[VideoStream]) -> None:
         found.frames.append(frame.pts)
 
 
-def _table(container: InputContainer, stream: VideoStream, found: _Pass, sound: Sound | None) -> FrameTable:
+def _table(
+    container: InputContainer, stream: VideoStream, found: _Pass, first: FirstFrame, sound: Sound | None
+) -> VideoInfo:
     plausible = [rate for rate in (stream.guessed_rate, stream.average_rate) if rate and 0 < rate < 1000]
     rates = tuple(map(_fraction, plausible)) or (DEFAULT_RATE,)
     known = [time for time in found.frames if time is not None]
     is_timed = len(known) == len(found.frames) and bool(np.all(np.diff(known) > 0))
-    tick = _fraction(stream.time_base) if stream.time_base else 1 / rates[0]
-    missing = _missing(container, stream, found, rates[0])
-    is_interlaced = 2 * found.interlaced > len(found.frames)
-    if not is_timed:
+    if is_timed:
+        tick = _fraction(stream.time_base) if stream.time_base else 1 / rates[0]
+        lost = _lost(container, stream, found, known)
+        times = sorted([*known, *lost])
+        at = {time: number for number, time in enumerate(times, 1)}
+        bad = {at[known[each]] for each in found.corrupt} | {at[time] for time in lost}
+        bad |= {at[_nearest(times, time)] for time, before in found.broken if time is not None and before}
+        keys = (1, *(at[known[each]] for each in found.keys if each)) if _is_whole(container) else (1,)
+        sizes = tuple((at[known[place]], width, height) for place, width, height in found.sizes)
+    else:
+        # Frames follow each other at the rate, one tick each.
+        tick, times, keys = 1 / rates[0], list(range(len(found.frames))), (1,)
         near = {min(before, len(found.frames) - 1) for _, before in found.broken if before}
-        damaged = tuple(sorted(at + 1 for at in near | found.corrupt))
-        count = tuple(range(len(found.frames)))
+        bad = {at + 1 for at in near | found.corrupt}
         sizes = tuple((place + 1, width, height) for place, width, height in found.sizes)
-        return FrameTable(
-            (1, 1), count, False, rates, (1,), damaged, missing, _since(sound, None), sizes, is_interlaced
-        )
-    lost = _lost(container, stream, found, known)
-    times = sorted([*known, *lost])
-    at = {time: number for number, time in enumerate(times, 1)}
-    bad = {at[known[each]] for each in found.corrupt} | {at[time] for time in lost}
-    bad |= {at[_nearest(times, time)] for time, before in found.broken if time is not None and before}
-    keys = (1, *(at[known[each]] for each in found.keys if each)) if _is_whole(container) else (1,)
-    begin = float(times[0] * tick) if times else 0.0
-    sizes = tuple((at[known[place]], width, height) for place, width, height in found.sizes)
-    return FrameTable(
-        (tick.numerator, tick.denominator), tuple(times), True, rates, keys, tuple(sorted(bad)), missing,
-        _since(sound, begin), sizes, is_interlaced,
+    seconds = np.array([float((time - times[0]) * tick) for time in times])
+    fps = next((float(rate) for rate in rates if keeps_rate(seconds, float(rate))), 0.0)
+    if not fps:
+        fps = (len(seconds) - 1) / seconds[-1] if len(seconds) > 1 else float(rates[0])
+    begins = None if sound is None else sound.start
+    if begins is not None:
+        begins = begins - float(times[0] * tick) if is_timed else 0.0
+    remarks = _remarks(2 * found.interlaced > len(found.frames), first.lacks_alpha, sound)
+    return VideoInfo(
+        first.width, first.height, float(min(fps, 999.0)), (tick.numerator, tick.denominator), tuple(times),
+        is_timed, keys, begins, tuple(sorted(bad)), _missing(container, stream, found, rates[0]),
+        first.colour_space, first.view, sound.track if sound else 0, sizes, tuple(remarks),
     )  # fmt: skip
 
 
-def _since(sound: Sound | None, begin: float | None) -> Sound | None:
-    """The sound with its start counted from a time in seconds, or 0 where that is not known."""
-    if sound is None or sound.start is None:
-        return sound
-    return replace(sound, start=0.0 if begin is None else sound.start - begin)
+def _remarks(is_interlaced: bool, lacks_alpha: bool, sound: Sound | None) -> Iterator[str]:
+    """Notes on a video for the user besides its frames, a line each."""
+    if is_interlaced:
+        yield (
+            "the clip is interlaced: each frame holds two moments in alternate rows, which comb where"
+            " something moves; deinterlace it first, for example with FFmpeg's bwdif"
+        )
+    if lacks_alpha:
+        yield (
+            "the clip's transparency is not read: it is stored as VP8's or VP9's, for which there is no"
+            " decoder here; convert the clip to ProRes 4444 or PNG"
+        )
+    if sound is not None and sound.unknown:
+        named = " and ".join(sorted(set(sound.unknown)))
+        if sound.start is None:
+            yield f"the clip's sound ({named}) cannot be decoded: movies are silent; convert it to AAC"
+        else:
+            yield (
+                f"a sound track of the clip ({named}) cannot be decoded; movies have track"
+                f" {sound.track + 1} instead"
+            )
 
 
 def _lost(container: InputContainer, stream: VideoStream, found: _Pass, known: list[int]) -> list[int]:

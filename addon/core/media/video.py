@@ -10,13 +10,10 @@ Linux, 131 on Windows, 116 on macOS), for clips that are read right.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from fractions import Fraction
+from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
 
 import av
-import numpy as np
 from av.container import InputContainer
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
@@ -24,12 +21,11 @@ from av.video.stream import VideoStream
 from ..base import memory
 from ..base.errors import Remedy, UserError
 from ..base.progress import checkpoint
-from .colour_space import of_tags
 from .container import open_video
-from .frame_table import FrameTable, read_table
+from .frame_table import read_table
 from .picture_file import Pixels
-from .video_frame import BlenderView, blender_view, has_alpha, resized, upright
-from .video_info import VideoInfo, is_alike, keeps_rate
+from .video_frame import FirstFrame, resized, upright
+from .video_info import VideoInfo, is_alike
 
 MISSING = 0.02
 """Share of a clip's frames that may be missing at its end, with a word, before it is refused as truncated."""
@@ -153,27 +149,14 @@ def _decoded(container: InputContainer, stream: VideoStream) -> Iterable[VideoFr
 
 
 def _decode_all(path: Path) -> VideoInfo:
-    table = read_table(path)
-    if not table.times:
-        raise UserError(f"{path.name} has no frame that can be decoded; convert it to H.264 and try again")
-    claimed = len(table.times) + table.missing
-    if table.missing > MISSING * claimed:
+    info = read_table(path)
+    claimed = info.count + info.missing
+    if info.missing > MISSING * claimed:
         raise UserError(
-            f"{path.name} is cut off: frame {len(table.times) + 1} of {claimed} cannot be decoded; copy or"
+            f"{path.name} is cut off: frame {info.count + 1} of {claimed} cannot be decoded; copy or"
             " convert it again"
         )
-    return _info(table, first_frame(path))
-
-
-class FirstFrame(NamedTuple):
-    """Properties of a video from its first frame; the fields are those of `VideoInfo`."""
-
-    width: int
-    height: int
-    colour_space: str
-    view: BlenderView
-    lacks_alpha: bool
-    """True if the file has transparency that is not decoded."""
+    return info
 
 
 def first_frame(path: Path) -> FirstFrame:
@@ -185,51 +168,5 @@ def first_frame(path: Path) -> FirstFrame:
     container, stream = open_video(path)
     with container:
         for frame in _decoded(container, stream):
-            height, width = upright(frame, stream).shape[:2]
-            space = of_tags(frame.color_trc, frame.color_primaries)
-            # For WebM: FFmpeg's own decoders of VP8 and VP9 leave alpha out.
-            lacks_alpha = stream.metadata.get("alpha_mode") == "1" and not has_alpha(frame, stream)
-            return FirstFrame(width, height, space, blender_view(frame, stream), lacks_alpha)
+            return FirstFrame.of(frame, stream)
     raise UserError(f"{path.name} has no frame that can be decoded; convert it to H.264 and try again")
-
-
-def _info(table: FrameTable, first: FirstFrame) -> VideoInfo:
-    tick = Fraction(*table.tick)
-    times, is_timed = table.times, table.is_timed
-    if not is_timed:
-        # Frames follow each other at the rate, one tick each.
-        times, tick = tuple(range(len(times))), 1 / table.rates[0]
-    seconds = np.array([float((time - times[0]) * tick) for time in times])
-    fps = next((float(rate) for rate in table.rates if keeps_rate(seconds, float(rate))), 0.0)
-    if not fps:
-        fps = (len(seconds) - 1) / seconds[-1] if len(seconds) > 1 else float(table.rates[0])
-    sound = table.sound
-    return VideoInfo(
-        first.width, first.height, float(min(fps, 999.0)), (tick.numerator, tick.denominator), times,
-        is_timed, table.keys, sound.start if sound else None, table.damaged, table.missing,
-        first.colour_space, first.view, sound.track if sound else 0, table.sizes,
-        tuple(_remarks(table, first)),
-    )  # fmt: skip
-
-
-def _remarks(table: FrameTable, first: FirstFrame) -> Iterator[str]:
-    """Notes on a video for the user besides its frames, a line each."""
-    if table.is_interlaced:
-        yield (
-            "the clip is interlaced: each frame holds two moments in alternate rows, which comb where"
-            " something moves; deinterlace it first, for example with FFmpeg's bwdif"
-        )
-    if first.lacks_alpha:
-        yield (
-            "the clip's transparency is not read: it is stored as VP8's or VP9's, for which there is no"
-            " decoder here; convert the clip to ProRes 4444 or PNG"
-        )
-    if table.sound is not None and table.sound.unknown:
-        named = " and ".join(sorted(set(table.sound.unknown)))
-        if table.sound.start is None:
-            yield f"the clip's sound ({named}) cannot be decoded: movies are silent; convert it to AAC"
-        else:
-            yield (
-                f"a sound track of the clip ({named}) cannot be decoded; movies have track"
-                f" {table.sound.track + 1} instead"
-            )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from enum import StrEnum
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
+from .colour_space import of_tags
 from .picture_file import Pixels
 
 _LUMA = {1: (0.2126, 0.0722), 5: (0.299, 0.114), 6: (0.299, 0.114), 9: (0.2627, 0.0593), 10: (0.2627, 0.0593)}
@@ -31,6 +33,26 @@ class BlenderView(StrEnum):
     """It has the rows and columns that the container hides."""
     TRACK = "track"
     """It is the first video track, and `container.open_video` takes another one."""
+
+
+class FirstFrame(NamedTuple):
+    """Properties of a video from its first frame; the fields are those of `VideoInfo`."""
+
+    width: int
+    height: int
+    colour_space: str
+    view: BlenderView
+    lacks_alpha: bool
+    """True if the file has transparency that is not decoded."""
+
+    @classmethod
+    def of(cls, frame: VideoFrame, stream: VideoStream) -> FirstFrame:
+        """Describe a decoded frame of a stream."""
+        height, width = upright(frame, stream).shape[:2]
+        # For WebM: FFmpeg's own decoders of VP8 and VP9 leave alpha out.
+        lacks_alpha = stream.metadata.get("alpha_mode") == "1" and not has_alpha(frame, stream)
+        space = of_tags(frame.color_trc, frame.color_primaries)
+        return cls(width, height, space, blender_view(frame, stream), lacks_alpha)
 
 
 def upright(frame: VideoFrame, stream: VideoStream) -> Pixels:
