@@ -57,14 +57,9 @@ EDGE = 4.0
 def tied(inverse: Map, sure: Map, given: Map, level: float) -> tuple[Map, Map]:
     """Fit a map to sure depth, with scale and shift in windows of several sizes.
 
-    Args:
-        inverse: (h, w) inverse depths.
-        sure: (h, w) their weights in [0, 1].
-        given: (h, w) the map's inverse depths.
-        level: A hardly visible step of inverse depth.
-
-    Returns:
-        The fitted map (h, w), and its weight (h, w) in [0, 1], which is low beside its soft edges.
+    `inverse` (h, w) has the weights `sure` (h, w) in [0, 1], `given` (h, w) is the map's inverse depth, and
+    `level` a hardly visible step. Return the fitted map (h, w), and its weight (h, w) in [0, 1], which is low
+    beside its soft edges.
     """
     around = 2 * _softness(given) + 1
     kernel = np.ones((around, around), np.uint8)

@@ -167,13 +167,8 @@ class DepthStore:
         """Return a result for each frame, kept or made.
 
         Frames that another process is working on are waited for, after all others, so that processes share
-        the work. A single frame is made at once: processes share its inputs.
-
-        Args:
-            frames: Numbers of frames.
-            name: Returns the name of a frame's file.
-            read: Returns the kept result, None without one.
-            make: Makes and keeps a result.
+        the work. A single frame is made at once: processes share its inputs. `name` returns the name of a
+        frame's file, `read` the kept result or None, and `make` makes and keeps one.
         """
         found, left = dict[int, R](), list(frames)
         until = time.monotonic() + PATIENCE

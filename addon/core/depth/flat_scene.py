@@ -114,10 +114,7 @@ def flat_scene(reconstruction: Reconstruction, people: Sequence[Sequence[Outline
 
     The horizon is where people of one height stand on one ground, before a camera at 0.9 of their height; it
     is the camera's middle row if no whole person is seen. The wall is as far as the points of the
-    reconstruction, which give the unit of length.
-
-    Raises:
-        UserError: The reconstruction has no scale.
+    reconstruction, which give the unit of length. Raises UserError if the reconstruction has no scale.
     """
     _, forward, up = level_axes(reconstruction.images)
     whole = [seen for each in people for seen in each if seen.foot is not None and seen.head is not None]

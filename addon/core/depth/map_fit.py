@@ -168,18 +168,11 @@ def fit_depth(
 ) -> Floats:
     """Bring a map to the units of the reconstruction, and to the clip's size.
 
-    Args:
-        depth: The map.
-        xy: (n, 2) features in pixels of the clip's picture.
-        inverse_depth: (n,) there, in 1 / scene units.
-        clip: The common fit.
-        line: (2,) slope and offset, as of `steadied`.
+    `xy` (n, 2) are features in pixels of the clip's picture, with inverse depths (n,); `line` (2,) is the
+    slope and offset of `steadied`. Raises UserError if the map does not fit the features.
 
     Returns:
         (H, W) 1 / z in 1 / scene units at the clip's pixels; 0 is infinitely far, NaN unknown.
-
-    Raises:
-        UserError: The map does not fit the features.
     """
     stored, inverse = _sampled(depth, xy, inverse_depth)
     u, y = (stored - clip.centre) / clip.span, inverse / clip.unit

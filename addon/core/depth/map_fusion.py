@@ -152,14 +152,10 @@ def level_of(inverse: Map) -> float:
 
 
 def past_border(stack: list[tuple[Map, Map, Map]], inside: Map, level: float) -> Map:
-    """Return the inverse depth (h + 2 m, w + 2 m) around a frame.
+    """Return the inverse depth (h + 2 m, w + 2 m) around a frame, NaN within and where it is unknown.
 
-    It is NaN where it is unknown, and within the frame.
-
-    Args:
-        stack: `in_place` of other frames, with a margin of m pixels.
-        inside: (h, w) the frame's own inverse depth.
-        level: Height of a level.
+    It is that of the `stack` of `in_place` of other frames, with a margin of m pixels, around the frame's own
+    inverse depth `inside` (h, w), in levels of a height.
     """
     past = np.full(stack[0][0].shape, np.nan, np.float32)
     margin = (past.shape[0] - inside.shape[0]) // 2
@@ -313,13 +309,8 @@ def without_speckles(inverse: Map, level: float) -> Map:
 def without_islands(inverse: Map, confidence: Map, level: float) -> Map:
     """Remove small near islands without much evidence, which are sharp specks in a blurred background.
 
-    Args:
-        inverse: (h, w) inverse depth.
-        confidence: (h, w) in [0, 1].
-        level: Height of a level.
-
-    Returns:
-        (h, w) inverse depth; islands have that of the nearest pixel around them.
+    The islands of the inverse depth (h, w), of a confidence (h, w) in [0, 1], get that of the nearest pixel
+    around them.
     """
     if level <= TINY:
         return inverse

@@ -90,14 +90,10 @@ def matched_levels(
 
 
 def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map) -> Winners:
-    """Find the depth level of each pixel on the processor.
+    """Find the depth level of each pixel of a frame (h, w, 4) by its neighbours on the processor.
 
-    Args:
-        picture: (h, w, 4) the frame.
-        views: Its neighbours.
-        levels: (k,) inverse depths.
-        guide: (h, w) the frame in grey levels.
-        known: (h, w) level of pixels with features, NaN elsewhere.
+    `levels` (k,) are inverse depths, `guide` (h, w) is the frame in grey levels, and `known` (h, w) the level
+    of pixels with features, NaN elsewhere.
     """
     costs = sweep(picture, views, levels, guide)
     # Pixels outside of the lens's picture continue those within.

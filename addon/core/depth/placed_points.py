@@ -38,10 +38,8 @@ def placed(reconstruction: Reconstruction, maps: DepthMaps) -> Reconstruction:
     """Return a reconstruction with cameras in one place and points at the distances of maps.
 
     Maps of depth have their own unit, such as metres. Maps of inverse depth have an unknown factor: the
-    median distance becomes `MEDIAN_DEPTH`, as does that of points without a map.
-
-    Raises:
-        UserError: No point has a distance, or a map cannot be read.
+    median distance becomes `MEDIAN_DEPTH`, as does that of points without a map. Raises UserError if no point
+    has a distance, or a map cannot be read.
     """
     frames = sorted(set(maps.frames) & {image.frame for image in reconstruction.images})
     if not frames:

@@ -100,17 +100,12 @@ def _scaling(across: float, down: float) -> Floats:
 
 
 def sweep(reference: Bytes, views: Sequence[View], levels: Floats, guide: Map) -> Costs:
-    """Return the mismatch (h, k, w) of a frame at inverse depths, in `STEPS` of a grey level.
+    """Return the mismatch (h, k, w) of a frame (h, w, 4) at inverse depths (k,), in `STEPS` of a grey level.
 
-    Costs are means over the neighbours of each side, gathered by a guided filter, and the better side counts:
-    a surface at a silhouette is hidden from one side only (Kang, Szeliski and Chai, "Handling occlusions in
-    dense multi-view stereo", 2001; Hosni et al., "Fast cost-volume filtering", 2013).
-
-    Args:
-        reference: (h, w, 4) the frame.
-        views: Its neighbours.
-        levels: (k,) inverse depths.
-        guide: (h, w) the frame in grey levels.
+    Costs are means over the neighbours of each side, gathered by a guided filter along the frame in grey
+    levels (h, w), and the better side counts: a surface at a silhouette is hidden from one side only (Kang,
+    Szeliski and Chai, "Handling occlusions in dense multi-view stereo", 2001; Hosni et al., "Fast cost-volume
+    filtering", 2013).
     """
     height, width = guide.shape
     costs = np.empty((height, len(levels), width), np.uint16)

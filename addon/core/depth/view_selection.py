@@ -72,16 +72,11 @@ def source_frames(reconstruction: Reconstruction, frame: int) -> list[Image]:
 
 
 def nearest_views(reconstruction: Reconstruction, image: Image, count: int | None = None) -> list[Image]:
-    """Return the photos that share points with one, the nearest first, without it.
+    """Return at most `count` photos that share points with one, the nearest first, without it.
 
     Distance is the median angle between the rays to shared points, times the missing share of the picture: a
     photo from beside with the same view is better than one that looks elsewhere. Without points it is the
     distance of the cameras.
-
-    Args:
-        reconstruction: The photos.
-        image: One of them.
-        count: Number of photos; all without it.
     """
     ranked = []
     for other in reconstruction.images:

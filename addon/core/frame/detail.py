@@ -37,13 +37,10 @@ def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
 
 
 def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: float = 0.0) -> WarpedFrame:
-    """Paint a frame's mesh with a function of displacement.
+    """Paint a frame's mesh with a function of displacement, and CG objects with a value `on_cg`.
 
-    Args:
-        warped: The frame.
-        values: Maps displacements (h, w) of texels in pixels, the signed radii of blur discs, to colours (h,
-            w, 3).
-        on_cg: Value on CG objects.
+    `values` maps displacements (h, w) of texels in pixels, the signed radii of blur discs, to colours (h, w,
+    3).
     """
     # The channels are not colours.
     plan, lens = replace(warped.plan, axial_colour=0.0), warped.plan.lens
@@ -80,13 +77,10 @@ def _share(displacement: Map) -> Map:
 def enlarged(
     picture: LinearRGBA, small: LinearRGBA, source: LinearRGBA, share: LinearRGB | None
 ) -> LinearRGBA:
-    """Enlarge a picture to the source's size, with a share of the source's detail.
+    """Enlarge a picture (h, w, 4) to the size of its source (H, W, 4), with a share of its detail.
 
-    Args:
-        picture: (h, w, 4) premultiplied.
-        small: (h, w, 4) the source as it was drawn.
-        source: (H, W, 4) full size.
-        share: (h, w, 3) of the source's difference from `small`; opacity has the share of green.
+    Detail is the source's difference from `small` (h, w, 4), as which it was drawn. The share (h, w, 3) of
+    green is that of opacity, too.
     """
     size = source.shape[1], source.shape[0]
 

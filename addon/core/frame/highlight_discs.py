@@ -271,13 +271,10 @@ class TrackedDepth:
 def without_small_highlights(
     picture: LinearRGBA, displacement: Map, aperture: Aperture, tracked: TrackedDepth | None = None
 ) -> tuple[LinearRGBA, HighlightDiscs | None]:
-    """Remove the light of small highlights, those with discs of `WIDER`, from a picture.
+    """Remove the light of small highlights, those with discs of `WIDER`, from a linear picture (H, W, 4).
 
-    Args:
-        picture: (H, W, 4), linear.
-        displacement: (H, W) pixels at the aperture's rim, relative to the focal plane.
-        aperture: The shape of the discs.
-        tracked: Feature points, if the displacement is by stereo; see `_tracked`.
+    `displacement` (H, W) is in pixels at the aperture's rim, relative to the focal plane; by stereo, it is
+    corrected by `tracked` feature points.
 
     Returns:
         The picture without that light, and the highlights; the same picture and None without any.

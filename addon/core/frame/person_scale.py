@@ -20,15 +20,9 @@ LARGEST_SPREAD = 0.25
 
 
 def scale_by_people(clip: ClipContext) -> float | None:
-    """Guess how many metres a scene unit has, by the whole figures of people that stand or walk.
+    """Guess the metres of a scene unit by the whole figures of people that stand or walk; passes checkpoints.
 
-    Passes checkpoints.
-
-    Returns:
-        Metres per scene unit; None without such people, or where they disagree.
-
-    Raises:
-        UserError: A frame cannot be read.
+    None without such people, or where they disagree. Raises UserError if a frame cannot be read.
     """
     found = []
     frames = sampled([int(frame) for frame in clip.reconstruction.frames])

@@ -140,17 +140,10 @@ class CarriedPlaces:
     )
 
     def region(self, repair: Repair, frame: int) -> tuple[Map, Mask] | None:
-        """Return the painted region and the reference's pixels in a frame.
+        """Return the painted region (h, w) in [0, 1] and the reference's pixels (h, w) in a frame.
 
-        Passes checkpoints. Errors as of `ClipPictures.picture`.
-
-        Args:
-            repair: The repair.
-            frame: Number of the frame.
-
-        Returns:
-            The region (h, w) in [0, 1] and the reference (h, w), at the size of the pictures; None where the
-            frame does not show most of the region.
+        They have the size of the pictures; None where the frame does not show most of the region. Passes
+        checkpoints. Errors as of `ClipPictures.picture`.
         """
         if not {frame, repair.frame} <= set(self.pictures.frames):
             return None

@@ -83,15 +83,9 @@ class Steadied:
 
 
 def steadied(image: Image, own: Canvas, lens: ThinLens, path: SteadyPath) -> Steadied:
-    """Steady a frame.
+    """Steady a frame of a pose, a canvas and a lens by the steadier path of the clip.
 
     Raises UserError if the focal plane is not in front of the steadier camera.
-
-    Args:
-        image: The frame's pose.
-        own: Its canvas.
-        lens: The lens there.
-        path: The steadier path of the clip.
     """
     rotation, translation = path.seen_from(image)
     canvas = Canvas(zoomed(own.camera, path.zoom))

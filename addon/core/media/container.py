@@ -49,10 +49,8 @@ def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
     """Open a video's container and its pictures, to be closed by the caller.
 
     Of several video tracks the one that FFmpeg's own program takes: that with most pixels, a default one
-    before others, a cover last.
-
-    Raises:
-        UserError: if the file cannot be opened or has no pictures that can be decoded.
+    before others, a cover last. Raises UserError if the file cannot be opened or has no pictures that can be
+    decoded.
     """
     name = path.name
     try:

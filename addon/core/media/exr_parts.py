@@ -140,11 +140,8 @@ def read_header(file: BinaryIO) -> ExrHeader:
 def depth_channel(header: ExrHeader) -> Channel | None:
     """Find the channel that holds depth, by its name and that of its layer.
 
-    Returns:
-        The channel; None for a file of one layer without a name for depth: its grey pixels count.
-
-    Raises:
-        LayerError: No layer holds depth, or several do.
+    None for a file of one layer without a name for depth: its grey pixels count. Raises LayerError if no
+    layer holds depth, or several do.
     """
     ranks = {each: rank for each in header.channels if (rank := _depth_rank(each, header)) is not None}
     found = [each for each, rank in ranks.items() if rank == min(ranks.values())]
@@ -182,19 +179,10 @@ def listed(channels: Sequence[Channel]) -> str:
 
 
 def alone(data: bytes, header: ExrHeader, channel: Channel) -> bytes:
-    """Make a file in which a decoder of one layer finds one channel.
+    """Make a file's bytes into those of one in which a decoder of one layer finds a channel.
 
-    Args:
-        data: The whole file.
-        header: Its header.
-        channel: One of its channels.
-
-    Returns:
-        The bytes of a file with the channel's part, in which its other channels have names of no meaning.
-
-    Raises:
-        LayerError: if it is compressed in a way that depends on names.
-        ValueError: if the file is incomplete.
+    It has the channel's part, in which other channels have names of no meaning. Raises LayerError for a
+    compression that depends on names, and ValueError for an incomplete file.
     """
     part = header.parts[channel.part]
     channels, compression = part.channels, part.attributes["compression"][1][0]

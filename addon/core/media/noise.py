@@ -146,16 +146,9 @@ class Noise:
 
 
 def measured(read: Callable[[int], Pixels], frames: Sequence[int]) -> Noise | None:
-    """Measure the noise of a clip.
+    """Measure the noise of frames, which `read` returns (H, W, 3 or 4) as stored; passes checkpoints.
 
-    Passes checkpoints.
-
-    Args:
-        read: Function that returns a frame's picture (H, W, 3 or 4) as stored.
-        frames: The clip's frames.
-
-    Returns:
-        The noise; None where nothing is flat, and of a single frame.
+    None where nothing is flat, and of a single frame.
     """
     later = min(LATER, len(frames) - 1)
     if later < 1:

@@ -55,10 +55,7 @@ def open_packed(path: Path, clip: Footage, beside: str = "") -> PackedPictures:
     """Open the pictures of a file for an open clip.
 
     They are the maps of an .npz, of which the first one belongs to the clip's first frame, or the pictures of
-    a .zip, numbered by their names.
-
-    Raises:
-        UserError: The file cannot be read, or has no pictures; the message is one line.
+    a .zip, numbered by their names. Raises UserError of one line if it cannot be read, or has no pictures.
     """
     try:
         if path.suffix.lower() == ".zip":

@@ -43,11 +43,8 @@ def is_pattern(path: Path) -> bool:
 def clip_files(path: Path) -> list[Path]:
     """List the files of a clip, sorted by name.
 
-    They are the video itself, the pictures of a folder, or else its arrays, or the files of a pattern.
-
-    Raises:
-        UserError: A pattern's folder is missing.
-        OSError: The folder cannot be listed.
+    They are the video itself, the pictures of a folder, or else its arrays, or the files of a pattern. Raises
+    UserError if a pattern's folder is missing, OSError if a folder cannot be listed.
     """
     if is_pattern(path):
         return sorted(pattern_numbers(path))
@@ -61,16 +58,10 @@ def clip_files(path: Path) -> list[Path]:
 def pattern_numbers(path: Path) -> dict[Path, int]:
     """Find the files that a pattern matches, and their frame numbers.
 
-    Args:
-        path: Pattern in which # is one digit, and %04d at least four. With several such places the frame
-            number is the one that differs between the files. If no file matches all places, only the last one
-            counts, as in names of rendered frames: the # in `take #3_####.png` is a part of the name.
-
-    Returns:
-        File -> frame number; empty without a match.
-
-    Raises:
-        UserError: The pattern's folder is missing.
+    In a pattern # is one digit, and %04d at least four. With several such places the frame number is the one
+    that differs between the files. If no file matches all places, only the last one counts, as in names of
+    rendered frames: the # in `take #3_####.png` is a part of the name. Raises UserError if the folder is
+    missing.
     """
     if not path.parent.is_dir():
         raise UserError(f"{path.parent} does not exist; choose the folder that holds {path.name}")
@@ -101,14 +92,9 @@ def name_numbers(names: Sequence[str]) -> list[int] | None:
 
 
 def pattern_of(path: Path) -> Path | None:
-    """Make the pattern, such as shot_####.png, of the sequence that a picture belongs to.
+    """Make the pattern, such as shot_####.png, of the sequence of a picture; None without a number.
 
-    Args:
-        path: One picture of the sequence. The number that differs between the files beside it that are named
-            alike is replaced by #.
-
-    Returns:
-        The pattern, None where the name has no number.
+    The number that differs between the files beside it that are named alike is replaced by #.
     """
     runs = list(_DIGITS.finditer(path.stem))
     if not runs:

@@ -166,13 +166,9 @@ def _unclear(pictures: Footage, clip: Footage, kind: str) -> str:
 
 
 def check_aspect(pictures: Footage, clip: Footage, kind: str) -> list[str]:
-    """Check that the pictures beside a clip have its shape.
+    """Check that the pictures beside a clip have its shape, with a note where they are stretched over it.
 
-    Returns:
-        A note where they are stretched over it.
-
-    Raises:
-        UserError: for depth maps that were cropped or padded: one side is the clip's, the other is not.
+    Raises UserError for depth maps that were cropped or padded: one side is the clip's, the other is not.
     """
     is_whole = is_alike(pictures.width, pictures.height, clip.width, clip.height)
     is_cut = (pictures.width == clip.width) != (pictures.height == clip.height)

@@ -35,14 +35,9 @@ _known: dict[tuple[str, int, int, int], VideoInfo] = {}
 
 
 def video_info(path: Path, known: VideoInfo | None = None) -> VideoInfo:
-    """Return the properties of a video, which are remembered.
+    """Return the properties of a video, which are remembered; without `known` ones it is decoded completely.
 
-    Args:
-        path: The video.
-        known: Its properties; without them it is decoded completely.
-
-    Raises:
-        UserError: It cannot be read, or is truncated.
+    Raises UserError if it cannot be read, or is truncated.
     """
     state = path.stat()
     key = str(path), state.st_size, state.st_mtime_ns, state.st_ctime_ns

@@ -56,11 +56,7 @@ class FirstFrame(NamedTuple):
 
 
 def upright(frame: VideoFrame, stream: VideoStream) -> Pixels:
-    """Convert a decoded frame to the picture that players show.
-
-    Args:
-        frame: Decoded frame.
-        stream: Stream of the frame, with the container's cropping and the shape of its pixels.
+    """Convert a decoded frame of a stream to the picture that players show.
 
     Returns:
         (H, W, 3) RGB, or (H, W, 4) with straight alpha, of square pixels: uint8, or uint16 over its whole

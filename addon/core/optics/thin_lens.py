@@ -228,14 +228,10 @@ class ThinLens:
         )
 
     def check(self, frame: int, inverse_depth: Floats) -> None:
-        """Check that a frame can be drawn with this lens.
+        """Check that a frame with points of inverse depths (n,) can be drawn with this lens.
 
-        Args:
-            frame: Number of the frame, for the message.
-            inverse_depth: (n,) of the frame's points.
-
-        Raises:
-            UserError: The focal plane lies in the lens, or half of the points have discs beyond `MAX_BLUR`.
+        Raises UserError if the focal plane lies in the lens, or half of the points have discs beyond
+        `MAX_BLUR`.
         """
         if not float(self.radius) * self.focus <= MAX_RADIUS:
             raise UserError(

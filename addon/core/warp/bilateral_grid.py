@@ -45,13 +45,9 @@ class BilateralGrid:
 
     @classmethod
     def of(cls, places: Places, root: Map, seen: Map, alike: Map) -> BilateralGrid:
-        """Make a grid of places, at least one.
+        """Make a grid of places, at least one, with square roots of linear colours (3, n).
 
-        Args:
-            places: The places.
-            root: (3, n) square roots of their linear colours.
-            seen: (n,) number of frames that see them.
-            alike: (n,) number of frames that see them alike.
+        `seen` (n,) is the number of frames that see them, `alike` (n,) of those that see them alike.
         """
         first, last = float(places.inverse.min()), float(places.inverse.max())
         size = np.array([places.x.max(), places.y.max()], np.float64)

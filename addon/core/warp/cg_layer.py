@@ -35,13 +35,10 @@ class CGLayer:
 
     @classmethod
     def of(cls, picture: LinearRGBA, inverse_depth: Map, margin: int, typical: float) -> CGLayer | None:
-        """Return the layer of a picture (H, W, 4) of the canvas and a margin; None if it is empty.
+        """Return the layer of a picture (H, W, 4) of the canvas and a margin in pixels; None if it is empty.
 
-        Args:
-            picture: (H, W, 4).
-            inverse_depth: (H, W), 0 where the camera sees no surface.
-            margin: Pixels around the canvas.
-            typical: Inverse depth of a layer without any surface, such as smoke.
+        `inverse_depth` (H, W) is 0 where the camera sees no surface; a layer without any, such as smoke, has
+        the `typical` one.
         """
         covered = picture[..., 3] > FAINT
         if not covered.any():
@@ -112,14 +109,10 @@ class CGLayer:
         return lens.largest_disc(rectified[self.picture[..., 3] > FAINT])
 
     def surface(self, lens: ThinLens, views: int, spread: float) -> tuple[WarpMesh, LinearRGBA]:
-        """Return the mesh and its texture (h, w, 4), prefiltered for views.
+        """Return the mesh and its texture (h, w, 4), prefiltered for a number of views through a lens.
 
-        Texture and mesh reach past the picture as far as the filter does.
-
-        Args:
-            lens: The thin lens.
-            views: Number of views.
-            spread: Open part of the aperture, in shares of its radius.
+        Both reach past the picture as far as the filter does. `spread` is the open part of the aperture, in
+        shares of its radius.
         """
         widest = spread * float(lens.footprint(self.displacement(lens), views).max())
         wide = self._padded(int(np.ceil(widest)) + 2)

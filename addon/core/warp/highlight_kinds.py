@@ -86,13 +86,10 @@ def kinds_of(frames: Sequence[Lamps]) -> Floats:
 
 
 def tints(rim: Floats, doubt: Floats) -> Floats:
-    """Return the linear colours (k, 3), largest channel 1, of light sources by their rims.
+    """Return linear colours (k, 3), largest channel 1, of light sources by the light of their rims (k, 3).
 
-    With less evidence they are nearer to warm white and to colours of glowing bodies.
-
-    Args:
-        rim: (k, 3) light of the rims.
-        doubt: (k,) standard deviation of a channel.
+    With more `doubt` (k,), the standard deviation of a channel, they are nearer to warm white and to colours
+    of glowing bodies.
     """
     most = np.maximum(rim.max(axis=1), 1e-3)[:, None]
     safe = rim / most + LEAST_TINT

@@ -127,18 +127,11 @@ def split(
     opacity: Map | None = None,
     far: Map | None = None,
 ) -> LayeredDepthImage:
-    """Split a picture in two where its disparity jumps by more than `jump` pixels.
+    """Split a picture (H, W, 4) in two where its disparity (H, W) jumps by more than `jump` pixels.
 
-    Jumps of more than `least` end the extrapolation behind the same surface: they are left for later.
-
-    Args:
-        picture: (H, W, 4).
-        disparity: (H, W).
-        jump: In pixels.
-        least: In pixels.
-        fill: Returns other frames' colours of disoccluded pixels.
-        opacity: As of `depth_peel`; a fraction is alpha, and both surfaces are visible.
-        far: As of `depth_peel`.
+    Jumps of more than `least` end the extrapolation behind the same surface: they are left for later. `fill`
+    returns other frames' colours of disoccluded pixels. `opacity` and `far` are those of `depth_peel`; a
+    fraction is alpha, and both surfaces are visible.
     """
     disparity = _without_ramps(disparity, jump)
     near_side, far_side = _silhouettes(disparity, jump)

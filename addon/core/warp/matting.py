@@ -93,13 +93,9 @@ def surfaces_beside(picture: LinearRGBA, disparity: Map, mixed: Mask, jump: floa
 
 
 def with_reprojected(surfaces: Surfaces, colour: LinearRGB, far: LinearRGB, known: Mask) -> Surfaces:
-    """Return surfaces with the far one's colours (n, 3) from other frames, where these are as good.
+    """Return surfaces with the far one's colours (n, 3) from other frames where these are as good.
 
-    Args:
-        surfaces: Surfaces beside n pixels.
-        colour: (n, 3) the pixels.
-        far: (n, 3) the other frames' colours.
-        known: (n,) pixels that have them.
+    `colour` (n, 3) are the pixels, of which the `known` (n,) have such colours.
     """
 
     def unexplained(far: Floats | LinearRGB) -> Floats:
