@@ -20,6 +20,7 @@ import numpy as np
 from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
 from ..optics.aperture import RED_AND_BLUE, SUBSAMPLES, Aperture
+from ..optics.bokeh import barrel_share
 from ..warp.cg_layer import CGLayer
 from ..warp.clipped_blobs import brightest
 from ..warp.layered_depth_image import LayeredDepthImage, inpainted
@@ -253,9 +254,7 @@ def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[i
         for here, step, centre, r in zip(place, beside, middle, radius, strict=True)
     )
     # Its edge is a pixel wide.
-    soft = 0.5 / np.abs(radius).min()
-    share = (1 + soft - np.hypot(x[None, :], y[:, None])) / (2 * soft)
-    return np.asarray(np.clip(share, 0, 1), np.float32)
+    return barrel_share(x[None, :], y[:, None], 0.5 / float(np.abs(radius).min())).astype(np.float32)
 
 
 @dataclass(frozen=True)
