@@ -10,7 +10,7 @@ import pytest
 
 from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.intrinsics import Intrinsics
-from addon.core.depth.ground_contact import Plane, ground_below, rays_of
+from addon.core.depth.ground_contact import Plane, ground_below
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.source import SURE
 from addon.core.depth.subject_depth import connected, with_subjects
@@ -30,7 +30,7 @@ def turned(pitch: float) -> Floats:
 
 def rays() -> Floats:
     across, down = np.meshgrid(np.arange(CAMERA.width) + 0.5, np.arange(CAMERA.height) + 0.5)
-    return rays_of(CAMERA, np.stack([across, down], axis=-1))
+    return CAMERA.rays(np.stack([across, down], axis=-1))
 
 
 def street(pitch: float = 0.0) -> Map:

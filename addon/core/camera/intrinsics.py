@@ -196,6 +196,11 @@ class Intrinsics:
                 rays = stage.undistort(rays)
         return rays
 
+    def rays(self, pixels: Floats) -> Floats:
+        """Return the rays (..., 3) of depth 1 through pixels (..., 2) of the lens without distortion."""
+        at = (pixels - self.principal_point) / self.focal
+        return np.concatenate([at, np.ones((*at.shape[:-1], 1))], axis=-1)
+
     def project(self, points: Floats) -> Floats:
         """Project camera-space points (..., 3) to pixels (..., 2) of the source frame.
 

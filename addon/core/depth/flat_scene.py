@@ -66,8 +66,7 @@ def outline(mask: Mask, image: Image, canvas: Canvas) -> Outline | None:
 
     def ray(row: int, edge: float) -> Floats:
         place = zoom * np.array([[np.flatnonzero(part[row]).mean() + 0.5, row + edge]])
-        at = (canvas.features_from_source(place)[0] - canvas.pinhole.principal_point) / canvas.pinhole.focal
-        return np.asarray(np.append(at, 1.0) @ image.rotation)
+        return np.asarray(canvas.pinhole.rays(canvas.features_from_source(place)[0]) @ image.rotation)
 
     top, bottom = int(rows[0]), int(rows[-1])
     return Outline(

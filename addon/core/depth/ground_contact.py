@@ -109,12 +109,6 @@ class Contact:
         return float(1 / (z + share * along[2]))
 
 
-def rays_of(pinhole: Intrinsics, xy: Floats) -> Floats:
-    """Return (..., 3) rays of places (..., 2) in pixels."""
-    at = (xy - pinhole.principal_point) / pinhole.focal
-    return np.concatenate([at, np.ones((*at.shape[:-1], 1))], axis=-1)
-
-
 def ground_below(mask: Mask, inverse: Map, known: Mask, pinhole: Intrinsics) -> Plane | None:
     """Find the plane of the ground around the lowest part of an object.
 
@@ -141,7 +135,7 @@ def ground_below(mask: Mask, inverse: Map, known: Mask, pinhole: Intrinsics) -> 
     row, column = np.nonzero(known[part])
     if len(row) < LEAST_PIXELS:
         return None
-    rays = rays_of(pinhole, np.column_stack([column + left + 0.5, row + top + 0.5]))
+    rays = pinhole.rays(np.column_stack([column + left + 0.5, row + top + 0.5]))
     values = inverse[part][row, column].astype(np.float64)
     random = np.random.default_rng(0)
     chosen = random.integers(len(rays), size=(TRIES, 3))
@@ -211,7 +205,7 @@ def contact(mask: Mask, ground: Plane, pinhole: Intrinsics) -> Contact | None:
     hull = cv2.convexHull(outline).reshape(-1, 2).astype(np.float64)
     hull = hull[np.argsort(hull[:, 0], kind="stable")]
     chord = np.interp(hull[:, 0], hull[[0, -1], 0], hull[[0, -1], 1])
-    rays = rays_of(pinhole, hull[hull[:, 1] >= chord - 1e-6])
+    rays = pinhole.rays(hull[hull[:, 1] >= chord - 1e-6])
     inverse = ground.inverse_depth(rays)
     if inverse.max() <= 0:
         return None
@@ -219,14 +213,14 @@ def contact(mask: Mask, ground: Plane, pinhole: Intrinsics) -> Contact | None:
     seen = inverse > 1e-3 * inverse.max()
     places = rays[seen] / inverse[seen, None]
     nearest = int(inverse[seen].argmax())
-    column = float(rays_of(pinhole, np.array([columns.mean() + 0.5, 0.0]))[0])
+    column = float(pinhole.rays(np.array([columns.mean() + 0.5, 0.0]))[0])
     _, forward, right = ground.directions(column)
     across, along = places @ right, places @ forward
     gentle = np.abs(np.diff(along)) <= STEEPEST * np.abs(np.diff(across))
     first = nearest - int(np.argmin(np.append(gentle[:nearest][::-1], False)))
     last = nearest + int(np.argmin(np.append(gentle[nearest:], False)))
     own = rays[seen][[first, last], 0]
-    width = np.ptp(rays_of(pinhole, outline[[0, -1]].astype(np.float64))[:, 0])
+    width = np.ptp(pinhole.rays(outline[[0, -1]].astype(np.float64))[:, 0])
     if np.ptp(own) < LEAST_WIDTH * width or first == last:
         return Contact(places[nearest], column, 0.0)
     slope = (along[last] - along[first]) / (across[last] - across[first])

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arrays import Bytes, Floats, Ints, Map, Mask, pixel_centres
 from ..camera.intrinsics import Intrinsics
 from .completion import LEAST_WEIGHT, interpolate
-from .ground_contact import GAP, contact, ground_below, rays_of, upright
+from .ground_contact import GAP, contact, ground_below, upright
 from .multi_view_stereo import DenseDepth
 
 PLACED, HOVERING = 0.25, 0.15
@@ -105,6 +105,6 @@ def _standing(mask: Mask, inverse: Map, apart: Mask, pinhole: Intrinsics) -> Flo
     base = touch.inverse_depth(slope, ground)
     if base <= 0:
         return None
-    rays = rays_of(pinhole, pixel_centres(*mask.shape[::-1]))
+    rays = pinhole.rays(pixel_centres(*mask.shape[::-1]))
     plane = upright(base, touch.column, slope, ground, rays)
     return np.clip(plane, base / LEAN, base * LEAN)

@@ -97,7 +97,7 @@ class UserDepth(DepthSource):
         # Behind silhouettes pixels of a large picture are not worth their memory.
         apart = -(-max(pinhole.width, pinhole.height) // LONG_SIDE)
         places = pixel_centres(pinhole.width, pinhole.height)[apart // 2 :: apart, apart // 2 :: apart]
-        rays = np.dstack([(places - pinhole.principal_point) / pinhole.focal, np.ones(places.shape[:2])])
+        rays = pinhole.rays(places)
         others = source_frames(self.reconstruction, frame)
         found = [
             self._seen(other, rays @ (other.rotation @ here.rotation.T).T)

@@ -109,7 +109,7 @@ def parallaxes(
     """
     share = np.linspace(0.1, 0.9, 5)
     grid = np.stack(np.meshgrid(share * camera.width, share * camera.height), axis=-1).reshape(-1, 2)
-    rays = np.column_stack([(grid - camera.principal_point) / camera.focal, np.ones(len(grid))])
+    rays = camera.rays(grid)
     return [
         (other, parallax)
         for other, pinhole in others

@@ -209,7 +209,7 @@ class PlaceFinder:
 
     def _world(self, x: float, y: float, distance: float) -> Floats:
         pinhole = self._canvas.pinhole
-        ray = np.append((self._click(x, y) - pinhole.principal_point) / pinhole.focal, 1.0)
+        ray = pinhole.rays(self._click(x, y))
         return np.asarray(self._image.rotation.T @ (distance * ray - self._image.translation))
 
     def _followed(self, x: float, y: float, inverse: float, origin: str) -> Place:

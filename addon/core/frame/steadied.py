@@ -55,7 +55,7 @@ class Steadied:
         """
         there = self.own_lens.unrectified(inverse_depth, xy)
         pinhole, own = self.canvas.pinhole, self.own_canvas.pinhole
-        rays = np.column_stack([(xy - own.principal_point) / own.focal, np.ones(len(xy))])
+        rays = own.rays(xy)
         # With inverse depth d a point is (ray, d) in homogeneous coordinates, also at infinity.
         seen = rays @ self.rotation.T + np.multiply.outer(there, self.translation)
         places = seen[:, :2] / seen[:, 2:] * pinhole.focal + pinhole.principal_point
@@ -71,7 +71,7 @@ class Steadied:
         along = np.linspace(0, 1, ALONG)
         ends = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
         border = ends[np.any((ends == 0) | (ends == 1), axis=1)] * size
-        rays = np.column_stack([(border - pinhole.principal_point) / pinhole.focal, np.ones(len(border))])
+        rays = pinhole.rays(border)
         seen = (rays[None] - np.multiply.outer(inverse_depths, self.translation)[:, None]) @ self.rotation
         places = seen[..., :2] / seen[..., 2:] * own.focal + own.principal_point
         return float(max(np.max(-places), np.max(places - there), 0.0))

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.arrays import Map, Mask
 from ..base.progress import checkpoint
-from ..depth.ground_contact import Plane, contact, ground_below, rays_of, upright
+from ..depth.ground_contact import Plane, contact, ground_below, upright
 from ..depth.view_selection import relative_pose
 from .static_depth import StaticDepth
 
@@ -96,7 +96,7 @@ class Standing:
             touch = None if plane is None else contact(mask, plane, pinhole)
             if plane is not None and touch is not None and (base := touch.inverse_depth(0.0, plane)) > 0:
                 rows, columns = np.nonzero(mask)
-                rays = rays_of(pinhole, np.column_stack([columns, rows]).astype(float) + 0.5)
+                rays = pinhole.rays(np.column_stack([columns, rows]).astype(float) + 0.5)
                 found[frame] = float(np.median(upright(base, touch.column, 0.0, plane, rays)))
         return found
 
