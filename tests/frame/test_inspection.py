@@ -18,7 +18,6 @@ from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.frame_path import Drawn, warp_frame
 from addon.core.frame.inspection import (
     NAMES,
-    _encoded,
     blur_discs,
     inverse_depth,
     picture,
@@ -28,7 +27,7 @@ from addon.core.frame.inspection import (
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.report import Used, frame_report, summary
 from addon.core.frame.warped_frame import WarpedFrame
-from addon.core.media.light import to_linear
+from addon.core.media.light import to_linear, to_rgb8
 from addon.core.warp.layered_depth_image import Fill
 from addon.core.warp.quadtree import triangulate
 from addon.core.warp.rasterise import at_pixels
@@ -296,7 +295,7 @@ def test_what_is_in_focus_is_clear_and_the_rest_is_tinted() -> None:
     assert shown is not None
     disc = blur_discs(warped)
     clear = np.abs(disc) < warped.plan.lens.acceptable_disc
-    grey = _encoded(source[..., :3])
+    grey = to_rgb8(source)
     assert clear.any() and np.array_equal(shown[clear], grey[clear])
     tint = shown.astype(int) - grey
     near, far = (np.nanmax(sign * disc) * sign for sign in (1, -1))

@@ -123,7 +123,7 @@ def select_source_views(
 ) -> list[Neighbour]:
     """Return the best frame of `parallaxes` on either side for each wanted parallax in pixels.
 
-    Of frames that are `is_ordered` in time, nearer ones are preferred.
+    Nearer frames are preferred if they are `is_ordered` in time.
     """
     if not found:
         return []

@@ -39,7 +39,7 @@ Anything-3 and Depth Pro."""
 def read_picture(path: Path, is_depth: bool = False) -> Pixels:
     """Read a picture file as stored, RGB or RGBA (H, W, 3 or 4): uint8, uint16, or float32 for EXR.
 
-    Of a depth map, among several layers of an EXR the one with depth counts. Raises UserError if it cannot be
+    Among several layers of an EXR the one with depth counts for a depth map. Raises UserError if it cannot be
     read or decoded.
     """
     try:
