@@ -21,7 +21,7 @@ from ..recorder import draw
 from ..scenes import slanted_plane, slanted_shot
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
-MAIN = panels.main.VIRTUAL_APERTURE_PT_main
+DETAILS = panels.notices.VIRTUAL_APERTURE_PT_details
 
 
 def solved(scene: bpy.types.Scene, folder: Path, name: str = "clip") -> bpy.types.PropertyGroup:
@@ -64,7 +64,7 @@ def test_what_was_deleted_is_restored(scene: bpy.types.Scene, tmp_path: Path, na
     else:
         bpy.data.objects.remove(getattr(settings, name))
     assert parts.missing(scene) == [parts.PARTS[name]]
-    shown = draw(MAIN)
+    shown = draw(DETAILS)
     said = "The clip's camera was deleted" if name == "camera" else "The objects of this solve were deleted"
     assert said in " ".join(shown.texts)
     assert "virtual_aperture.restore_objects" in shown.operators
@@ -189,7 +189,7 @@ def test_a_linked_scene_renders_and_is_not_changed(source: tuple[Path, bytes], t
     bpy.context.window.scene = linked
     assert render(tmp_path) == expected
     said = "Shot is linked from shot.blend; open that file, or append the scene from it"
-    assert said in " ".join(draw(MAIN).texts)
+    assert said in " ".join(draw(DETAILS).texts)
     for panel in panels.CLASSES:
         draw(panel)
     clip = str(blend.parent / "clip")

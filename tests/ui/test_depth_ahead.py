@@ -165,7 +165,7 @@ def test_a_process_that_dies_is_told(scene: bpy.types.Scene, work: Path) -> None
     found.process.kill()
     until(lambda: not found.is_running)
     assert "SIGKILL" in found.problem
-    texts = " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
+    texts = " ".join(draw(panels.notices.VIRTUAL_APERTURE_PT_details).texts)
     assert "Depth was not found: the process was ended by" in texts
 
 
