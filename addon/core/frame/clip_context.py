@@ -81,14 +81,16 @@ class ClipContext:
     from_rec_709: Floats | None = None
     """(3, 3) from the primaries of Rec.709, those of integer pictures, to those of the working space."""
 
-    @property
+    @cached_property
     def stereo(self) -> TemporalFusion:
         """Depth of every pixel by stereo in normal quality, at the size of the stereo pictures."""
-        return self.stereo_of(NORMAL)
+        return self._stereo(NORMAL)
 
     def stereo_of(self, quality: Quality) -> TemporalFusion:
         """Return the depth by stereo in a quality; see `stereo`."""
         options = quality.stereo_side, quality.fusion
+        if options == (NORMAL.stereo_side, NORMAL.fusion):
+            return self.stereo
         if options not in self._stereos:
             self._stereos[options] = self._stereo(quality)
         return self._stereos[options]
