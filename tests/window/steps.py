@@ -140,6 +140,19 @@ def open_details(program: Program, above: str) -> tuple[float, float]:
     raise AssertionError(f"no details below {above}")
 
 
+def press_in_details(program: Program, above: str, done: str) -> None:
+    """Open the details of the warnings, and press down them until `done` is true."""
+    x, top = open_details(program, above)
+    program.shot("details")
+    for y in range(round(top) + 12, round(top) + 250, 10):
+        program.screen.click(x, y)
+        program.settle()
+        if program.ask(done):
+            program.screen.key("Escape")
+            return
+    raise AssertionError(f"no button in the details makes {done}")
+
+
 def _seen(program: Program) -> np.ndarray:
     """The sidebar, the mouse beside it."""
     left, top, width, height = program.rectangle("VIEW_3D", "UI")

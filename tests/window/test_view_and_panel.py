@@ -19,7 +19,7 @@ from ..scenes import slanted_plane
 from .clips import FRAMES, write_scene
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import running
+from .steps import press_in_details, running
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 MODULES = f"__import__('sys').modules['{EXTENSION}.addon"
@@ -27,6 +27,7 @@ DEPTH = f"{MODULES}.ui.jobs.depth_ahead']._ahead"
 VIEWPORT = f"{MODULES}.render.viewport.viewport']"
 PREVIEW = f"{VIEWPORT}.PREVIEW"
 SHADING = "view('VIEW_3D')['area'].spaces.active.shading.type"
+SIZE = "[bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y]"
 FRAME = (
     "(lambda v: list("
     f"{VIEWPORT}.frame_in_region(v['region'], v['area'].spaces.active.region_3d, bpy.context.scene)"
@@ -173,11 +174,7 @@ def test_a_picture_keeps_its_shape_in_an_output_of_another_shape(program: Progra
         if width < height:
             # Blender stretches the camera's background image to the frame.
             assert above_the_picture(program, f"shape_{width}x{height}").std() < 2
-    program.press("virtual_aperture.use_clip_size")
-    assert program.ask("[bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y]") == [
-        640,
-        360,
-    ]
+    press_in_details(program, "render_clip", f"{SIZE} == [640, 360]")
     assert program.ask(f"[s.said for s in {VIEWPORT}._in_regions.values() if s.said]") == []
     assert np.abs(middle_rows(program, "clip_shape_again") - clip).mean() < 1
 
