@@ -223,26 +223,28 @@ def _looks(
     """(n, q) what a frame shows around points, turned and scaled as their source frames (n,) see them.
 
     A pixel wider on each side than the patches that they are compared with. Each point is taken for a small
-    patch that faces its source frame.
+    patch that faces its source frame, which counts as read at once: its readout shears a patch by less than a
+    hundredth.
     """
     image = reconstruction.images[index]
     camera = reconstruction.intrinsics(image)
     world = reconstruction.points.xyz[rows]
+    frames, at = np.unique(source, return_inverse=True)
+    others = [reconstruction.images[each] for each in frames]
+    rotation = np.array([other.rotation for other in others]).reshape(-1, 3, 3)[at]
+    translation = np.array([other.translation for other in others]).reshape(-1, 3)[at]
+    lens = np.array([other.camera for other in others], np.intp)[at]
+    local = (rotation @ world[..., None])[..., 0] + translation
+    # One pixel of the source frame along each axis, at the point's depth.
+    beside = np.empty((len(rows), 2, 3))
+    for each in np.unique(lens):
+        some, theirs = lens == each, reconstruction.cameras[each]
+        pixels = theirs.project(local[some])[:, None] + np.eye(2)
+        rays = theirs.undistort((pixels - theirs.principal_point) / theirs.focal)
+        beside[some] = np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1) * local[some, None, 2:]
     place = camera.project(image.to_camera(world))
-    maps = np.empty((len(rows), 2, 2))
-    for each in np.unique(source):
-        some = source == each
-        other = reconstruction.images[each]
-        theirs = reconstruction.intrinsics(other)
-        local = other.to_camera(world[some])
-        for axis in (0, 1):
-            # One pixel of the source frame along this axis, at the point's depth.
-            pixel = theirs.project(local)
-            pixel[:, axis] += 1
-            rays = theirs.undistort((pixel - theirs.principal_point) / theirs.focal)
-            beside = np.column_stack([rays, np.ones(len(rays))]) * local[:, 2:]
-            seen = camera.project(image.to_camera((beside - other.translation) @ other.rotation))
-            maps[some, :, axis] = seen - place[some]
+    seen = camera.project(image.to_camera((beside - translation[:, None]) @ rotation))
+    maps = np.swapaxes(seen - place[:, None], 1, 2)
     return sample(gray, place * zoom - 0.5, maps, square(RADIUS + 1))
 
 
