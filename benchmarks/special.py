@@ -17,6 +17,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "contact_sheet": (ACCURACY, "crops of the duck clip, as in the README (real data)"),
     "dense_depth": (ACCURACY, "depth maps against the truth, and their speckles"),
     "drawn_masks": (ACCURACY, "subjects of real clips against hand-drawn masks (real data)"),
+    "drawn_size": (ACCURACY, "frames drawn small against the same at their own size (real data)"),
     "drift": (
         ACCURACY,
         "exposure and white balance that drift, dark corners; --depth: depth then",

@@ -10,13 +10,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
 import bpy
-import cv2
 import numpy as np
 
 from ..core.base import memory
 from ..core.base.arrays import LinearRGBA, Map
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled, OnProgress, checkpoint, reporting, stage
+from ..core.frame.detail import enlarged_values
 from ..core.frame.frame_path import Drawn
 from ..core.frame.passes import circle_of_confusion, depth, in_focus
 from ..core.frame.warped_frame import WarpedFrame
@@ -193,8 +193,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
 
         def on_frame(drawn: Drawn) -> None:
             for name in names:
-                # Neighbouring pixels are not mixed: half way between two depths there is nothing.
-                values = cv2.resize(VALUES[name](drawn.warped), size, interpolation=cv2.INTER_NEAREST)
+                values = enlarged_values(VALUES[name](drawn.warped), drawn.source, drawn.whole)
                 pictures[name] = np.asarray(values, np.float32)[..., None]
             if names and passes.CIRCLE_OF_CONFUSION in pictures:
                 pictures[passes.CIRCLE_OF_CONFUSION] *= size[0] / drawn.source.shape[1]

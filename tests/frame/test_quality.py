@@ -17,7 +17,7 @@ from addon.core.depth.depth_store import DepthStore, KeptDepth
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.detail import enlarged
+from addon.core.frame.detail import enlarged, enlarged_values
 from addon.core.frame.frame_path import Drawn, mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL, QUALITIES, Quality
@@ -86,6 +86,30 @@ def test_sharpness_is_added_where_it_is_kept_and_nowhere_else() -> None:
     assert soft.min() >= 0 and soft[..., 3].max() <= 1 and psnr(soft, source) < 20
 
 
+def test_detail_stays_between_the_pictures_beside_a_silhouette() -> None:
+    # A sharp dark subject before a light that is blurred away: half of the small pixel at the edge is light.
+    source = np.full((8, 8, 4), [0.05, 0.05, 0.05, 1.0], np.float32)
+    source[:, 5:] = 0.9, 0.9, 0.9, 1.0
+    small = cv2.resize(source, (4, 4), interpolation=cv2.INTER_AREA)
+    blurred = np.full_like(small, [0.06, 0.06, 0.06, 1.0])
+    picture = enlarged(blurred, small, source, np.ones((4, 4, 3), np.float32))
+    assert picture.min() >= 0.05 - 1e-6
+
+
+def test_passes_of_smaller_frames_are_enlarged_along_the_edges_of_the_picture() -> None:
+    random = np.random.default_rng(5)
+    bright = random.random((90, 160, 1), np.float32) > 0.999
+    near = cv2.GaussianBlur(bright.astype(np.float32), (0, 0), 6) > 0.0003
+    source = np.repeat(np.where(near[..., None], 0.8, 0.1), 4, axis=2).astype(np.float32)
+    small = cv2.resize(source, (80, 45), interpolation=cv2.INTER_AREA)
+    depth = np.where(small[..., 0] > 0.45, 2.0, 9.0).astype(np.float32)
+    truth = np.where(near, 2.0, 9.0)
+    wrong = np.count_nonzero(enlarged_values(depth, small, source) != truth)
+    nearest = cv2.resize(depth, (160, 90), interpolation=cv2.INTER_NEAREST)
+    assert wrong < 0.25 * np.count_nonzero(nearest != truth)
+    assert set(np.unique(enlarged_values(depth, small, source))) == {2.0, 9.0}
+
+
 def test_a_quality_multiplies_the_automatic_number_of_views_alone() -> None:
     automatic = [forecast(clip(), 2, lens(quality), SIZE).views for quality in QUALITIES.values()]
     assert automatic == sorted(set(automatic)) and automatic[2] == 2 * automatic[1]
@@ -124,8 +148,9 @@ def test_a_draft_takes_depth_that_is_kept_of_normal_and_nothing_else_does(
 
 
 def test_large_frames_are_drawn_smaller() -> None:
-    assert NORMAL.drawn_size((1920, 1080)) == (1920, 1080)
-    assert NORMAL.drawn_size((2160, 3840)) == (1080, 1920)
+    assert NORMAL.drawn_size((960, 540)) == (960, 540)
+    assert NORMAL.drawn_size((1280, 720)) == (640, 360)
+    assert NORMAL.drawn_size((2160, 3840)) == (540, 960)
     assert DRAFT.drawn_size((3840, 2160)) == (960, 540)
     assert FINAL.drawn_size((7680, 4320)) == (3840, 2160)
     # The source has no detail for CG objects.

@@ -17,6 +17,10 @@ SHARP, BLURRED = 0.5, 1.5
 lost. A disc of one leaves 0.46 of the middle of the lost frequencies, half as fine again as the small
 picture's finest, by the disc's transform 2 J1(x) / x."""
 
+NEARER = 0.01
+"""Difference in colour, of three channels as square roots of light, for a pixel of distance: of equal colours
+the nearest pixel is taken. Chosen by inspection."""
+
 
 def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
     """Paint a frame's mesh with the share of sharpness that each texel keeps; None without layers.
@@ -90,9 +94,37 @@ def enlarged(
     large = at_size(picture)
     if share is not None:
         kept = cv2.resize(np.clip(share, 0, 1), size, interpolation=cv2.INTER_LINEAR)
-        large += kept[..., [0, 1, 2, 1]] * (source - at_size(small))
+        drawn_as = at_size(small)
+        # Beside a silhouette, `small` has colours of both sides, and the picture those of one.
+        lowest = np.minimum(np.minimum(large, drawn_as), source)
+        highest = np.maximum(np.maximum(large, drawn_as), source)
+        large = np.clip(large + kept[..., [0, 1, 2, 1]] * (source - drawn_as), lowest, highest)
     large[..., 3] = np.minimum(large[..., 3], 1)
     return np.maximum(large, 0)
+
+
+def enlarged_values(values: Map, small: LinearRGBA, source: LinearRGBA) -> Map:
+    """Enlarge values (h, w) of a small picture (h, w, 4) to the size of its source (H, W, 4), without mixing.
+
+    Each pixel takes the value of one of the four small pixels around it: that of the most similar colour.
+    """
+    (height, width), (rows, columns) = source.shape[:2], values.shape
+    if (rows, columns) == (height, width):
+        return values
+    y = (np.arange(height) + 0.5) * rows / height - 0.5
+    x = (np.arange(width) + 0.5) * columns / width - 0.5
+    shown, known = (np.sqrt(np.maximum(each[..., :3], 0)) for each in (source, small))
+    best, least = np.zeros((height, width), values.dtype), np.full((height, width), np.inf, np.float32)
+    for down in (0, 1):
+        row = np.floor(y).astype(int) + down
+        for right in (0, 1):
+            column = np.floor(x).astype(int) + right
+            at = np.ix_(np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1))
+            away = np.abs(row - y)[:, None] + np.abs(column - x)
+            miss = np.abs(shown - known[at]).sum(axis=-1) + np.float32(NEARER) * away.astype(np.float32)
+            taken = miss < least
+            best[taken], least[taken] = values[at][taken], miss[taken]
+    return best
 
 
 def resized(picture: LinearRGBA, size: tuple[int, int]) -> LinearRGBA:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA
 from ..base.progress import checkpoint, stage
 from ..camera.steady_path import LEVELS
-from ..depth.source import SURE
+from ..depth.source import NO_PICTURE, SURE
 from .cg_layers import DrawCG
 from .clip_context import ClipContext
 from .detail import resized
@@ -53,6 +53,8 @@ class Drawn:
     """Wall time of drawing."""
     notes: tuple[str, ...] = ()
     """Notes for the user."""
+    whole: LinearRGBA = field(default_factory=lambda: NO_PICTURE)
+    """(H, W, 4) picture of the frame at its final size."""
 
 
 def draw_frame(
@@ -97,7 +99,7 @@ def draw_frame(
     drawing = Drawing(warped, meshed.geometry, small, source, noise, average)
     for effect in EFFECTS:
         picture = effect.after(picture, drawing)
-    return picture, Drawn(warped, small, time.perf_counter() - began, _notes(meshed))
+    return picture, Drawn(warped, small, time.perf_counter() - began, _notes(meshed), source)
 
 
 def mean_of_views(warped: WarpedFrame, draw_views: DrawViews) -> LinearRGBA:

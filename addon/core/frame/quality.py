@@ -27,9 +27,8 @@ class Quality:
     """Factor to the automatic number of views."""
     shrink: int = 1
     """Divisor of each side of the picture, if it is drawn with dense depth."""
-    longest: int = 1920
-    """Most pixels of the long side at which it is drawn with dense depth; detail in focus is the source's.
-    With 1920, a clip of 2160x3840 differs by 46.4 dB from full size, in a seventh of the time."""
+    longest: int = 960
+    """Most pixels of the long side at which it is drawn with dense depth; detail in focus is the source's."""
     stereo_side: int = LONG_SIDE
     """Pixels of the longer side at which stereo finds the depth of key frames."""
     fusion: FusionOptions = field(default_factory=FusionOptions)
@@ -46,14 +45,14 @@ class Quality:
 
         With CG objects `longest` does not count: the source has no detail for them.
         """
-        times = self.shrink if has_cg else max(self.shrink, max(size) / self.longest)
+        times = self.shrink if has_cg else max(self.shrink, math.ceil(max(size) / self.longest))
         return math.ceil(size[0] / times), math.ceil(size[1] / times)
 
 
 NORMAL = Quality("normal", 1, "Recommended")
 DRAFT = Quality(
     "draft", 0, "A quick look: drawn at half size, with full sharpness where in focus",
-    views=0.5, shrink=2, longest=960, stereo_side=480,
+    views=0.5, shrink=2, stereo_side=480,
     largest_texture=0, better=NORMAL,
 )  # fmt: skip
 """A quarter of normal's time to draw, and a third with depth to find (`python -m benchmarks.timings.speed`),
