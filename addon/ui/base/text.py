@@ -12,6 +12,10 @@ MARGIN = 85
 UNIT = 20
 """Pixels of Blender's unit of widths, at a resolution scale of 1."""
 
+NARROW = 240
+"""Pixels of a sidebar's width, at a resolution scale of 1, below which names of two large buttons are cut
+off; Blender opens it with 292. Measured in a window."""
+
 
 def wrapped(
     layout: bpy.types.UILayout,
@@ -42,6 +46,11 @@ def width_of(context: bpy.types.Context) -> float:
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region is not None else 280 * scale
     return float(max(width - MARGIN * scale, 1))
+
+
+def is_narrow(context: bpy.types.Context) -> bool:
+    """Return whether two buttons side by side would cut their names off."""
+    return bool(width_of(context) < (NARROW - MARGIN) * context.preferences.system.ui_scale)
 
 
 def left_words(seconds: float | None) -> str:

@@ -12,7 +12,7 @@ from ...scene.base.timeline import clip_frame
 from ...scene.lens import blender_focus, depth_of_field, lens
 from ..base import solving
 from ..base.solving import Solving
-from ..base.text import progress_row, wrapped
+from ..base.text import is_narrow, progress_row, wrapped
 from ..focus import focus_list, lens_presets
 from ..footage import choose_clip, photos, solve
 from ..jobs import depth_ahead, first_person, movie, render_clip
@@ -66,6 +66,13 @@ def _large(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     return row
 
 
+def _pair(layout: bpy.types.UILayout, context: bpy.types.Context) -> bpy.types.UILayout:
+    """Return the place of two large buttons: side by side, or one below the other in a narrow sidebar."""
+    column = layout.column(align=True) if is_narrow(context) else layout.row(align=True)
+    column.scale_y = PRIMARY
+    return column
+
+
 def _draw_clip(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     row = layout.row(align=True)
     name = Path(settings.footage).name
@@ -91,7 +98,7 @@ def _draw_unsolved(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
 def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.virtual_aperture
     layout.label(text="Solved", icon="CHECKMARK")
-    row = _large(layout)
+    row = _pair(layout, context)
     is_shown = live_preview.is_shown(context)
     row.operator(
         live_preview.VIRTUAL_APERTURE_OT_preview.bl_idname, text="End Preview" if is_shown else "Preview",
@@ -103,7 +110,7 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         _large(layout).operator(pick_vertices.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
     _draw_marks(layout, context)
     _draw_amount(layout, settings)
-    row = _large(layout)
+    row = _pair(layout, context)
     # Without icons: in a narrow sidebar they would cut their names off.
     row.operator(render_clip.VIRTUAL_APERTURE_OT_render_frame.bl_idname)
     row.operator(render_clip.VIRTUAL_APERTURE_OT_render_clip.bl_idname)
