@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import re
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from ..scene.sources.shot import reconstruction_of
 from . import NAME
 from .aperture import image_of, with_image
 from .blend import is_blend, open_blend
+from .farm_formats import FORMATS, TASK_FRAMES
 from .lens import movie_frames, say_lens, scene_of, set_lens
 from .lens_options import add_lens, add_work, check_lens, check_numbers, given_lens, has_focus, write_lens
 from .options import whole
@@ -39,13 +40,13 @@ from .save import copied, copy_beside
 from .solve import add_footage, add_solve_frames, solve_arguments
 from .words import SOLVED_WORDS
 
-TEMPLATE = "template.json"
 VERSION = "jobtemplate-2023-09"
 CHUNKS = 1024
 """The most values that Open Job Description lets a task parameter list."""
 FRAMES = "frames/######.png"
-BLEND, LENS = "scene.blend", "lens.json"
-"""Files of the bundle: the scene that is rendered, and the options of the lens until there is one."""
+BLEND, LENS, REPAIR = "scene.blend", "lens.json", "repair.json"
+"""Files of the bundle: the scene that is rendered, and until there is one the options and repairs of its
+lens."""
 
 
 def add_commands(
@@ -53,11 +54,14 @@ def add_commands(
 ) -> None:
     """Add the commands `farm` and `join`; each sets `command` to the function that runs it."""
     one = commands.add_parser(
-        "farm", parents=[common], help="write a render farm job in the Open Job Description format"
+        "farm", parents=[common], help="write a render farm job for Open Job Description, Flamenco, Deadline"
     )
     one.description = "The job renders chunks of frames in parallel and joins them into a movie with sound."
     add_footage(one, "DIR|FOOTAGE", "folder of the solve, or a clip, which the job then solves first")
     one.add_argument("--out", type=path, required=True, metavar="BUNDLE", help="folder for the job")
+    one.add_argument(
+        "--format", choices=list(FORMATS), default=next(iter(FORMATS)), help="what reads the job (openjd)"
+    )
     one.add_argument("--chunk", type=whole(1), default=12, metavar="N", help="frames per task (default 12)")
     one.add_argument("--frames", type=FrameRange.parse, metavar="A-B", help="frames to render")
     add_solve_frames(one)
@@ -148,7 +152,7 @@ def farm(options: argparse.Namespace) -> None:
         first = [_step("Solve", [*before, *solved]), _step("Scene", [*before, *saved], "Solve")]
     chunks = _chunks(frames, options.chunk)
     rendered = f"{{{{Param.Output}}}}/{FRAMES}"
-    drawn = ["render", blend, "--for-movie", "--frames", "{{Task.Param.Frames}}", "--out", rendered]
+    drawn = ["render", blend, "--for-movie", "--frames", TASK_FRAMES, "--out", rendered]
     joined = ["join", blend, "--rendered", rendered, "--frames", f"{frames[0]}-{frames[-1]}", "--overwrite"]
     joined += ["--out", f"{{{{Param.Output}}}}/{texts.literal(options.movie)}"]
     steps = [
@@ -156,10 +160,16 @@ def farm(options: argparse.Namespace) -> None:
         _step("Render", [*before, *drawn], "Scene" if first else "", chunks),
         _step("Join", [*before, *joined], "Render"),
     ]
-    job = _job(source.stem, steps, texts)
-    atomic.write_bytes(out / TEMPLATE, (json.dumps(job, indent=1) + "\n").encode())
+    try:
+        files, how = FORMATS[options.format](_job(source.stem, steps, texts), out)
+    except UserError:
+        # Names that the farm cannot pass on.
+        shutil.rmtree(folder)
+        raise
+    for name, text in files.items():
+        atomic.write_bytes(out / name, text.encode())
     say(f"wrote {options.out}: {counted(len(frames), 'frame')} in {counted(len(chunks), 'task')}")
-    say(f"run it here: openjd run {out / TEMPLATE} --step Join --run-dependencies")
+    say(how)
 
 
 def _copy_scene(source: Path, options: argparse.Namespace, folder: Path) -> list[int]:
@@ -197,6 +207,9 @@ def _copy_clip(
     for name, copy in (("depth", depth), ("mask", masks)):
         if copy is not None:
             lens[name] = copy.relative_to(folder)
+    if options.repair is not None:
+        copy_file(options.repair, folder / REPAIR)
+        lens["repair"] = Path(REPAIR)
     if image is not None:
         lens["aperture"] = with_image(options.aperture, image.relative_to(folder))
     write_lens(folder / LENS, lens)
