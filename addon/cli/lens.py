@@ -89,8 +89,10 @@ def all_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
 
 def set_lens(
     settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace, frames: Sequence[int] = ()
-) -> None:
-    """Write the options into the settings; UserError where the solve does not carry them.
+) -> list[Place]:
+    """Write the options into the settings, and return the picked places.
+
+    UserError where the solve does not carry them.
 
     A place to focus on is in the first registered frame of `frames` (by default the clip's), unless the
     options name one.
@@ -122,6 +124,7 @@ def set_lens(
             setattr(settings, name, value)
     set_shape(settings, options.aperture)
     aperture_cloud.update(settings)
+    return picked
 
 
 def _chosen_focus(

@@ -36,7 +36,7 @@ from ..scene import clip_properties, lens_properties, preview_properties, proper
 from ..scene.base.paths import absolute
 from ..scene.ignored import unseen
 from ..scene.sources.shot import shot_of
-from . import depth, export, farm, inspect, save, solve
+from . import depth, export, farm, inspect, pick, save, solve
 from .blend import is_blend, open_blend
 from .engine_jobs import read_job
 from .lens import all_frames, movie_frames, say_lens, scene_of, set_lens, wanted_frames
@@ -63,6 +63,7 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
     solve.add_commands(commands, common)
+    pick.add_command(commands, common)
     depth.add_command(commands, common)
     two = commands.add_parser("render", parents=[common], help="render a solved clip with depth of field")
     add_work(two)

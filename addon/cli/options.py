@@ -23,7 +23,13 @@ class UsageError(UserError):
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors are `UsageError`s, one line as all others of a command are."""
+    """A parser whose errors are `UsageError`s, one line as all others of a command are.
+
+    Options are written in full: an abbreviation would mean another one once there is an option more.
+    """
+
+    def __init__(self, **named: Any) -> None:
+        super().__init__(**{**named, "allow_abbrev": False})
 
     def error(self, message: str) -> NoReturn:
         """Raise UsageError with a hint at the help."""

@@ -29,8 +29,6 @@ PAGES = (
 OURS = re.compile(r"^(?:python addon/headless\.py|blender -b --python addon/headless\.py --) (.*)$")
 NAMES = ("solve ", "report ", "render ", "run ", "inspect ", "save ")
 FRAMES = 5
-SIZE = (192, 144)
-"""Of the clip, which is that of `planes` smaller: so a command takes seconds."""
 
 
 def commands() -> list[str]:
@@ -48,10 +46,7 @@ def commands() -> list[str]:
 def folder(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with what the commands name: `clip.mp4`, `masks` and `depth`."""
     made = tmp_path_factory.mktemp("pages")
-    writer = cv2.VideoWriter(str(made / "clip.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 24, SIZE)
-    for picture in planes.sideways(FRAMES):
-        writer.write(cv2.resize(picture, SIZE, interpolation=cv2.INTER_AREA))
-    writer.release()
+    planes.write_video(made / "clip.mp4", FRAMES)
     for name in ("masks", "depth"):
         (made / name).mkdir()
     mask = np.zeros(planes.SIZE[::-1], np.uint8)

@@ -1,0 +1,35 @@
+"""The command that measures how far a place of the picture is."""
+
+from __future__ import annotations
+
+import argparse
+
+from ..core.focus.place import Place
+from ..core.sfm.workspace import load_solve
+from .lens import scene_of, set_lens
+from .lens_options import add_lens, check_numbers
+from .options import UsageError
+from .paths import path
+
+
+def add_command(
+    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
+) -> None:
+    """Add the command `pick`, which sets `command` to the function that runs it."""
+    one = commands.add_parser(
+        "pick", parents=[common], help="print how far places of the picture, or subjects, are"
+    )
+    one.description = "The distance is that at which render focuses with the same options."
+    one.add_argument("work", type=path, metavar="DIR", help="folder of the solve")
+    add_lens(one, required=True)
+    one.set_defaults(command=pick)
+
+
+def pick(options: argparse.Namespace) -> list[Place]:
+    """Run `pick DIR --focus-at X,Y[@FRAME]`; prints and returns the places."""
+    check_numbers(options)
+    if not options.focus_at and not options.focus_subject:
+        raise UsageError("pick measures a place or a subject: use --focus-at or --focus-subject; see --help")
+    solved = load_solve(options.work)
+    _, settings, _ = scene_of(solved)
+    return set_lens(settings, solved, options)
