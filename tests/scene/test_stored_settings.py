@@ -1,0 +1,59 @@
+"""A .blend of every released version keeps its settings: all values, and the numbers of all enumerations."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import bpy
+import pytest
+
+from . import stored_settings
+
+FILES = sorted(stored_settings.STORED.glob("*.blend"))
+
+
+def lost(before: Any, now: Any, path: str = "") -> list[str]:
+    """What of stored values is not there now; more may be."""
+    if isinstance(before, dict):
+        inner = [(f"{path}.{name}", value, (now or {}).get(name)) for name, value in before.items()]
+        return [each for name, value, other in inner for each in lost(value, other, name)]
+    if isinstance(before, list) and before and isinstance(before[0], dict):
+        if not isinstance(now, list) or len(now) != len(before):
+            return [path]
+        return [each for a, b in zip(before, now, strict=True) for each in lost(a, b, path)]
+    return [] if before == now else [f"{path}: {before!r} is {now!r}"]
+
+
+def test_there_is_one_of_the_first_release() -> None:
+    assert "1.0.0" in [file.stem for file in FILES]
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.stem))
+def test_the_settings_of_a_release_are_there(registered: None, file: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(file), load_ui=False)
+    scene = bpy.context.scene
+    assert scene.render.engine == stored_settings.ENGINE
+    before = json.loads(file.with_suffix(".json").read_text())
+    assert lost(before, stored_settings.held_by(scene)) == []
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.stem))
+def test_stored_values_are_not_the_defaults(registered: None, file: Path) -> None:
+    """A value that is lost could not be told from one that stayed."""
+    bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
+    before = json.loads(file.with_suffix(".json").read_text())["values"]
+    now = stored_settings.held_by(bpy.context.scene)["values"]
+    gone = lost(before, now)
+    assert len(gone) > 60
+    same = [name for name, value in before["scene"].items() if now["scene"].get(name) == value]
+    # Objects that nothing was drawn with.
+    assert set(same) <= {"mask"}, same
+
+
+def test_what_is_lost_is_found() -> None:
+    before = {"a": [{"b": 1, "c": [1.0, 2.0]}], "d": {"X": 0}}
+    assert lost(before, {"a": [{"b": 1, "c": [1.0, 2.0], "e": 5}], "d": {"X": 0, "Y": 1}}) == []
+    assert lost(before, {"a": [{"b": 2, "c": [1.0, 2.0]}], "d": {"X": 1}}) == [".a.b: 1 is 2", ".d.X: 0 is 1"]
+    assert lost(before, {"d": {"Y": 0}}) == [".a", ".d.X: 0 is None"]
