@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..core.base.job import end_all
 from ..render import engine
 from ..render.cg import cg_preview, cg_process
 from ..render.output import background
@@ -23,6 +24,9 @@ from .footage import choose_clip, file_import, find_clip, import_solve, photos, 
 from .jobs import depth_ahead, export, first_person, movie, quit_question, render_clip, report_list
 from .panels import engine_panels, live_preview, preferences, wipe
 from .picking import paint_repair, pick_focus, pick_subject, pick_vertices, points_overlay, set_scale
+
+LEFT = 2.0
+"""Seconds for our processes to end when the extension is disabled; then they are killed."""
 
 CLASSES = (
     *engine.CLASSES,
@@ -105,6 +109,8 @@ def unregister() -> None:
     main_thread.stop()
     first_person.unregister()
     depth_ahead.unregister()
+    # The timer that looked after them is gone.
+    end_all(LEFT)
     focus_sync.unregister()
     exr.unregister()
     file_handlers.unregister()

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from addon.core.base.errors import Remedy, UserError
-from addon.core.base.job import Job, end
+from addon.core.base.job import Job, end, end_all, end_meanwhile, tend
 from addon.core.base.messages import Failure, Message, Progress, Result, Seen, Warned, decode, encode, send
 
-from ..waiting import until
+from ..waiting import PATIENCE, until
 
 ROOT = Path(__file__).resolve().parents[2]
 SPEAK = "import os, sys; from addon.core.base.messages import *; speak();"
@@ -119,9 +119,46 @@ def test_what_happens_after_a_process_is_left() -> None:
     job, done = started("import time; time.sleep(9000)"), list[str]()
     job.leave(lambda: done.append("then"))
     assert job.is_cancelled and not job.is_running and job.poll() == []
-    until(lambda: done == ["then"])
+    until(lambda: tend() or done == ["then"])
     job.leave(lambda: done.append("again"))
+    tend()
     assert done == ["then"]
+
+
+def test_processes_that_are_left_are_killed_in_the_end() -> None:
+    deaf = (
+        "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); send(Result()); time.sleep(9000)"
+    )
+    job, done = started(deaf), list[str]()
+    until(lambda: job.poll() == [Result()])
+    end_meanwhile([job], lambda: done.append("then"))
+    tend()
+    assert done == [] and job.process is not None and job.process.poll() is None
+    end_all(0.1)
+    assert done == ["then"] and job.process.returncode == -signal.SIGKILL
+
+
+def test_more_than_a_pipe_holds_is_heard_however_it_is_cut() -> None:
+    text = "\u00e9" * 3000
+    job, messages = heard(f"[send(Warned({text!r} + str(n))) for n in range(200)]; send(Result())")
+    assert messages == [*(Warned(f"{text}{n}") for n in range(200)), Result()]
+    assert job.failure is None and len(job.warnings) == 200
+
+
+def test_waiting_for_a_process_reads_its_pipes() -> None:
+    job = started("[send(Progress('a', n, 5000)) for n in range(1, 5001)]; send(Result())")
+    job.wait(PATIENCE)
+    assert job.process is not None and job.process.returncode == 0
+    assert len(job.poll()) == 5001 and not job.is_running
+    assert job.done == 5000 and job.failure is None
+
+
+def test_a_process_is_at_its_end_though_another_holds_its_pipes() -> None:
+    other = "subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(10)'])"
+    job = Job()
+    job.start([sys.executable, "-c", f"import subprocess, sys; {other}"])
+    until(lambda: job.poll() == [] and not job.is_running)
+    assert job.failure == Failure("the process ended with status 0", 0)
 
 
 def is_there(process: int) -> bool:
@@ -137,7 +174,7 @@ def test_a_process_ends_with_the_one_that_started_it() -> None:
     outer = (
         "import os, sys, time; from addon.core.base.job import Job; job = Job();"
         f"job.start([sys.executable, '-c', {inner!r}]);\n"
-        "while not job._complaints: time.sleep(0.01)\n"
+        "while not job._complaints: job.poll(); time.sleep(0.01)\n"
         "print(job._complaints[0], flush=True); os.kill(os.getpid(), 9)"
     )
     ended = subprocess.run(

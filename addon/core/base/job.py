@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import os
-import queue
 import signal
 import subprocess
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from typing import IO
 
 from . import priority
 from .errors import UserError
@@ -24,12 +24,48 @@ ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
 for each other on small matrices. A solve of 87 frames at 368x480 on two idle cores takes 24.3 and 23.8
 instead of 31.9 and 29.6 CPU s (two runs each), and 22.9 and 22.5 instead of 24.2 and 22.6 s of wall time."""
 
+LOOK = 0.01
+"""Seconds between two looks at a process that is waited for."""
+READ = 1 << 16
+"""Bytes that are read at once: as many as a pipe of Linux holds."""
+
 LEAST_STEPS = 3
 """Equal steps that an estimate of the time left needs, where that is less than `LEAST_SHARE`."""
 
 
+class _Lines:
+    """The lines of a pipe, as far as they have come: reading does not wait."""
+
+    def __init__(self, pipe: IO[bytes] | None) -> None:
+        assert pipe is not None
+        self._pipe, self._rest = pipe, b""
+        # Also on Windows, since Python 3.12.
+        os.set_blocking(pipe.fileno(), False)
+
+    def read(self, is_last: bool) -> list[str]:
+        """Return the new lines, with an unfinished one if it is the last."""
+        while not self._pipe.closed:
+            try:
+                part = os.read(self._pipe.fileno(), READ)
+            except BlockingIOError:
+                break
+            except OSError:
+                # Windows' way to report a closed pipe.
+                part = b""
+            self._rest += part
+            if not part:
+                self._pipe.close()
+        *lines, self._rest = self._rest.split(b"\n")
+        if is_last and self._rest:
+            lines, self._rest = [*lines, self._rest], b""
+        return [line.decode("utf-8", "replace").rstrip("\r") for line in lines]
+
+
 class Job:
-    """A process that reports by `messages.speak`, as of the last `poll`; it ends with its parent."""
+    """A process that reports by `messages.speak`, as of the last `poll`; it ends with its parent.
+
+    Its pipes are read by `poll` and `wait` alone, so that it may have to wait for these once they are full.
+    """
 
     def __init__(self, program: str = "process") -> None:
         """Set the process's name in errors."""
@@ -44,14 +80,15 @@ class Job:
         self.failure: Failure | None = None
         """The reason why the work was not done."""
         self.is_running = self.is_cancelled = False
-        self.process: subprocess.Popen[str] | None = None
+        self.process: subprocess.Popen[bytes] | None = None
         self._program = program
         self._first = 0.0
         self._time_left: TimeLeft | None = None
         self._last: Message | None = None
-        self._messages: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
-        self._complaints = deque[str](maxlen=REMEMBERED)
-        self._listening: threading.Thread | None = None
+        self._messages, self._complaints = deque[Message](), deque[str](maxlen=REMEMBERED)
+        self._said: _Lines | None = None
+        self._complained: _Lines | None = None
+        self._has_ended = False
 
     def start(
         self, command: Sequence[str], yielding: bool = False, environment: Mapping[str, str] = os.environ
@@ -59,8 +96,7 @@ class Job:
         """Start the process, with lower priority if `yielding`; raises UserError if it cannot start."""
         try:
             process = self.process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                encoding="utf-8", errors="replace",
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 env={**ONE_BLAS_THREAD, **environment, "PYTHONUNBUFFERED": "1"},
                 # Ctrl-C is for the parent, which ends the process.
                 start_new_session=True,
@@ -71,45 +107,33 @@ class Job:
             raise UserError(f"the {self._program} cannot be started: {error.strerror}") from None
         if yielding:
             priority.let_others_go_first(process)
-        complaining = threading.Thread(target=self._complain, args=(process,), daemon=True)
-        complaining.start()
-        self._listening = threading.Thread(target=self._listen, args=(process, complaining), daemon=True)
-        self._listening.start()
+        self._said, self._complained = _Lines(process.stdout), _Lines(process.stderr)
         self.is_running = True
 
-    def _listen(self, process: subprocess.Popen[str], complaining: threading.Thread) -> None:
-        assert process.stdout is not None
-        # Windows cannot wait for a pipe with a timeout; a thread that reads lines can.
-        with process.stdout as lines:
-            for line in lines:
-                if (message := decode(line)) is not None:
-                    self._messages.put(message)
-        complaining.join()
-        self._messages.put(None)
-
-    def _complain(self, process: subprocess.Popen[str]) -> None:
-        assert process.stderr is not None
-        with process.stderr as lines:
-            for line in lines:
-                self._complaints.append(line.strip())
+    def _read(self) -> None:
+        """Take in the lines that have come, the last ones once the process has ended."""
+        if self.process is None or self._said is None or self._complained is None or self._has_ended:
+            return
+        # All that an ended process wrote is in its pipes.
+        self._has_ended = self.process.poll() is not None
+        self._messages += filter(None, map(decode, self._said.read(self._has_ended)))
+        self._complaints += (line.strip() for line in self._complained.read(self._has_ended))
 
     def poll(self) -> list[Message]:
         """Process the reports since the last call and return them; updates `is_running`."""
         heard = []
-        while self.is_running:
-            try:
-                message = self._messages.get_nowait()
-            except queue.Empty:
-                break
-            if message is None:
-                self.is_running, self.failure = False, self._why()
-                break
+        if self.is_running:
+            self._read()
+        while self.is_running and self._messages:
+            message = self._messages.popleft()
             heard.append(message)
             self._last = message
             if isinstance(message, Progress):
                 self._progressed(message)
             elif isinstance(message, Warned):
                 self.warnings.append(message.text)
+        if self.is_running and self._has_ended:
+            self.is_running, self.failure = False, self._why()
         return heard
 
     def _progressed(self, message: Progress) -> None:
@@ -129,11 +153,14 @@ class Job:
 
     def wait(self, seconds: float) -> None:
         """Wait for the end of all reports, at most `seconds`."""
-        if self._listening is not None:
-            self._listening.join(seconds)
+        until = time.monotonic() + seconds
+        self._read()
+        while not self._has_ended and self.is_running and time.monotonic() < until:
+            time.sleep(LOOK)
+            self._read()
 
     def leave(self, then: Callable[[], object] | None = None) -> None:
-        """End the process in the background, then call `then` in a thread; harmless if it is not running."""
+        """End the process without waiting, as of `end_meanwhile`; harmless if it is not running."""
         if self.is_running:
             self.is_running, self.is_cancelled = False, True
             end_meanwhile([self], then)
@@ -165,14 +192,54 @@ def end(jobs: Sequence[Job], patience: float = PATIENCE) -> None:
             process.wait()
 
 
-def end_meanwhile(jobs: Sequence[Job], then: Callable[[], object] | None) -> threading.Thread:
-    """Run `end` in a thread, which is returned, then call `then` there; Blender's exit waits for `then`."""
+class Leaving:
+    """Processes that were asked to end."""
 
-    def leave() -> None:
-        end(jobs)
-        if then is not None:
+    def __init__(self, jobs: Sequence[Job], then: Callable[[], object] | None) -> None:
+        self._processes = [job.process for job in jobs if job.process is not None]
+        self._then = then
+        self._until = time.monotonic() + PATIENCE
+        for process in self._processes:
+            if process.poll() is None:
+                process.terminate()
+
+    def look(self) -> bool:
+        """Return whether all have ended, after what follows it; kill them if that takes too long."""
+        alive = [process for process in self._processes if process.poll() is None]
+        if alive and time.monotonic() > self._until:
+            for process in alive:
+                process.kill()
+        if not alive and (then := self._then) is not None:
+            self._then = None
             then()
+        return not alive
 
-    leaving = threading.Thread(target=leave, daemon=then is None)
-    leaving.start()
+    def join(self, patience: float = PATIENCE) -> None:
+        """Wait for the end; kill the processes that live after `patience` seconds."""
+        self._until = min(self._until, time.monotonic() + patience)
+        while not self.look():
+            time.sleep(LOOK)
+
+
+_leaving: list[Leaving] = []
+
+
+def end_meanwhile(jobs: Sequence[Job], then: Callable[[], object] | None) -> Leaving:
+    """Ask processes to end, and call `then` after that, in `tend` or as this process ends."""
+    leaving = Leaving(jobs, then)
+    _leaving.append(leaving)
     return leaving
+
+
+def tend() -> None:
+    """Look at the processes that were asked to end."""
+    _leaving[:] = [each for each in _leaving if not each.look()]
+
+
+def end_all(patience: float = PATIENCE) -> None:
+    """Wait for the processes that were asked to end; kill those that live after `patience` seconds."""
+    while _leaving:
+        _leaving.pop().join(patience)
+
+
+atexit.register(end_all)

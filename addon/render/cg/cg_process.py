@@ -7,7 +7,6 @@ FOLDER/000012.drawn.npz       what was drawn of it
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -19,7 +18,7 @@ from bpy.app.handlers import persistent
 
 from ...core.base.atomic import temporary_folder
 from ...core.base.errors import UserError
-from ...core.base.job import Job, end_meanwhile
+from ...core.base.job import Job, Leaving, end_meanwhile
 from ...core.base.progress import checkpoint
 from ...core.camera.canvas import Canvas
 from ...core.camera.reconstruction import Intrinsics
@@ -107,8 +106,8 @@ class CGProcess:
             said = "its process ended" if failure is None else failure.text
             raise UserError(f"the CG objects of frame {frame} could not be rendered: {said}")
 
-    def end(self) -> threading.Thread:
-        """End the process, without waiting for it, and remove its files; the thread that does."""
+    def end(self) -> Leaving:
+        """End the process without waiting for it, and remove its files after that."""
         return end_meanwhile([self._job], self._held.close)
 
 
@@ -152,14 +151,14 @@ def kept() -> Iterator[None]:
     finally:
         _is_kept = before
         if (leaving := _end()) is not None:
-            # A command ends without waiting for threads.
+            # A command ends without waiting for other processes.
             leaving.join()
 
 
-def _end(*_: object) -> threading.Thread | None:
+def _end(*_: object) -> Leaving | None:
     """Called as a render begins, ends or is cancelled, or another file is opened.
 
-    Returns the thread that removes the process, if any.
+    Returns the process that ends, if any.
     """
     global _process
     if _process is None or _is_kept:

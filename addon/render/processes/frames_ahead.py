@@ -177,6 +177,9 @@ class FramesAhead:
         self.shared.go_on_to(frame)
         while True:
             checkpoint()
+            for job in self.jobs:
+                # A process waits while its pipe is full.
+                job.poll()
             with self.shared.claimed(frame) as is_nobodys:
                 if self.shared.is_there(frame):
                     self._last = frame, self.shared.take(frame)

@@ -16,6 +16,7 @@ from typing import Any
 import bpy
 import gpu
 
+from ...core.base.job import tend
 from ...core.base.progress import Cancelled, checkpoint
 from ..base import redraw
 
@@ -91,6 +92,7 @@ def _draw_here[T](steps: Steps[T], total: int) -> T:
 def _tick() -> float:
     """A timer's turn on the main thread; returns the seconds to the next one."""
     global _current
+    tend()
     if _current is None:
         try:
             _current = _waiting.get_nowait()
