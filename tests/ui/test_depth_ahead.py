@@ -144,7 +144,7 @@ def test_how_long_it_will_still_take(
     found = depth_ahead._ahead = depth_ahead.DepthAhead(work)
     found.is_running = True
     for now, done in ((100.0, 10), (110.0, 12)):  # noqa: B007  `monotonic` reads it
-        found._messages.put(Progress("depth", done, 20))
+        found._messages.append(Progress("depth", done, 20))
         assert found.poll()
     # Two frames in ten seconds, and eight to go: those that were there already took no time.
     texts = draw(panels.main.VIRTUAL_APERTURE_PT_main).texts

@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 import pytest
 
+from addon.core.base.job import tend
 from addon.core.media.clip import open_footage
 from addon.scene.build import build
 from addon.scene.sources.clip import footage_path, work_dir
@@ -72,7 +73,7 @@ def test_an_export_is_cancelled(scene: bpy.types.Scene, clip: Path) -> None:
     with pytest.raises(RuntimeError, match="Files are being exported"):
         bpy.ops.virtual_aperture.export(directory=str(out), what="stmap")
     assert bpy.ops.virtual_aperture.cancel_export() == {"FINISHED"}
-    until(lambda: not any(name.startswith(".") for name in names(out)))
+    until(lambda: tend() or not any(name.startswith(".") for name in names(out)))
     # What was whole stays, and nothing else.
     assert names(out) == [f"layers_{frame:04d}.exr" for frame in range(2, 2 + len(names(out)))] != []
 

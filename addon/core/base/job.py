@@ -204,7 +204,7 @@ class Leaving:
                 process.terminate()
 
     def look(self) -> bool:
-        """Return whether all have ended, after what follows it; kill them if that takes too long."""
+        """Return whether all have ended; the next step follows then. Kill them if that takes too long."""
         alive = [process for process in self._processes if process.poll() is None]
         if alive and time.monotonic() > self._until:
             for process in alive:
