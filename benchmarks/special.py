@@ -40,6 +40,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "frame_costs": (TIMINGS, "CPU seconds of a frame by stage, and its memory"),
     "gpu_sweep": (TIMINGS, "the plane sweep on the processor and on the GPU"),
     "interface": (TIMINGS, "the preview, an import, and a move of the eyedropper"),
+    "preview_process": (TIMINGS, "what a preview in another process would cost beside its pictures"),
     "view_error": (TIMINGS, "error over the number of views"),
     "whole_runs": (TIMINGS, "a clip from command to written file"),
     "density": (SOLVING, "points that a frame shows and did not track"),
