@@ -34,21 +34,25 @@ const JOB_TYPE = {
     settings: [
         { key: "program", type: "string", required: true, visible: "web",
           description: "Blender with the extension Virtual Aperture" },
-        { key: "output", type: "string", subtype: "dir_path", required: true, visible: "web",
-          description: "Folder of the movie and of its frames" },
+        { key: "bundle", type: "string", subtype: "dir_path", required: true, visible: "web",
+          description: "Folder of the job, on storage that all workers see" },
         { key: "steps", type: "string", required: true, visible: "hidden",
           description: "JSON: names of steps, their arguments, and their ranges of frames" },
     ],
 };
 
-// A step has a task for each of its ranges; `null` in its arguments is the range. It follows the step before.
+// A step has a task for each of its ranges, and follows the step before. Of its arguments, `null` is the
+// range, and [PATH] is in the bundle. The manager translates the bundle's own path for other systems.
 function compileJob(job) {
+    const settings = job.settings;
+    const filled = (word, range) => (word === null ? range : Array.isArray(word)
+        ? `${settings.bundle}/${word[0]}` : word);
     let before = [];
-    for (const step of JSON.parse(job.settings.steps)) {
+    for (const step of JSON.parse(settings.steps)) {
         const tasks = step.ranges.map((range) => {
             const task = author.Task(range ? `${step.name}-${range}` : step.name, "blender");
-            const args = step.args.map((word) => (word === null ? range : word));
-            task.addCommand(author.Command("exec", { exe: job.settings.program, args: args }));
+            const args = step.args.map((word) => filled(word, range));
+            task.addCommand(author.Command("exec", { exe: settings.program, args: args }));
             before.forEach((other) => task.addDependency(other));
             job.addTask(task);
             return task;
@@ -67,20 +71,22 @@ def open_job_description(job: dict[str, Any], bundle: Path) -> tuple[dict[str, s
 
 def flamenco(job: dict[str, Any], bundle: Path) -> tuple[dict[str, str], str]:
     """Return Flamenco's files for a job by name, and how it is submitted."""
-    values = _values(job, bundle)
+    values, inside = _values(job, bundle), f"{bundle.as_posix()}/"
+
+    def filled(word: str) -> str | list[str] | None:
+        text = None if word == TASK_FRAMES else _filled(word, values)
+        is_inside = text is not None and word.startswith(("{{Param.Input}}", "{{Param.Output}}"))
+        return [text.removeprefix(inside)] if text is not None and is_inside else text
+
     steps = [
-        {
-            "name": step["name"],
-            "args": [None if word == TASK_FRAMES else _filled(word, values) for word in _words(step)],
-            "ranges": _ranges(step) or [""],
-        }
+        {"name": step["name"], "args": [*map(filled, _words(step))], "ranges": _ranges(step) or [""]}
         for step in job["steps"]
     ]
     program = values["Param.Program"]
     settings = {
         # The manager's variable for the path of Blender on each worker.
         "program": "{blender}" if program == "blender" else program,
-        "output": values["Param.Output"],
+        "bundle": bundle.as_posix(),
         "steps": json.dumps(steps),
     }
     submitted = {

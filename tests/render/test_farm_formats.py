@@ -122,6 +122,10 @@ def test_flamenco_renders_what_one_machine_renders(work: Path, tmp_path: Path) -
     submitted = json.loads((bundle / "job.json").read_text())
     Draft202012Validator(SUBMITTED).validate(submitted)
     assert submitted["type"] == "virtual-aperture"
+    # A manager translates settings that begin with a path, and no others.
+    assert (
+        submitted["settings"]["bundle"] == str(bundle) and str(bundle) not in submitted["settings"]["steps"]
+    )
     tasks = flamenco_tasks(bundle)
     assert [each["name"] for each in tasks] == ["Render-1-4", "Render-5-6", "Join"]
     assert [each["after"] for each in tasks] == [[], [], ["Render-1-4", "Render-5-6"]]
