@@ -51,7 +51,7 @@ def test_a_solve_has_none(program: Program, folder: Path) -> None:
     assert threads(program, "at first") == []
     program.ask(f"{SETTINGS}.footage = {str(clip)!r}; None")
     program.ask(f"{IN_VIEW}.solve('INVOKE_DEFAULT')\nNone")
-    program.wait(f"{MODULES}ui.base.solving'].Solving.running.process")
+    program.wait(f"{MODULES}ui.base.solving'].Solving.running.process is not None")
     assert threads(program, "solving") == []
     program.wait(f"not {SOLVING}", 180)
 
