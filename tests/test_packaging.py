@@ -55,6 +55,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_zip_holds_the_addon_and_nothing_else(built: Path) -> None:
     names = set(zipfile.ZipFile(built).namelist())
     expected = {p.relative_to(ROOT).as_posix() for p in (ROOT / "addon").rglob("*.py")}
+    expected |= {p.relative_to(ROOT).as_posix() for p in (ROOT / "addon").rglob("*.osl")}
     expected |= {p.relative_to(ROOT).as_posix() for p in (ROOT / "addon" / "networks").glob("*")}
     expected |= {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md"}
     assert {n for n in names if not n.endswith("/")} == expected

@@ -19,7 +19,16 @@ from ..scene.gpu import main_thread
 from ..scene.sources import clip, shot
 from . import panels
 from .base import solving
-from .focus import bokeh, focus_list, focus_strip, lens_presets, repair_list, subjects, thumbnails
+from .focus import (
+    bokeh,
+    focus_list,
+    focus_strip,
+    lens_camera,
+    lens_presets,
+    repair_list,
+    subjects,
+    thumbnails,
+)
 from .footage import choose_clip, file_import, find_clip, import_solve, photos, restore, solve, solve_view
 from .jobs import depth_ahead, export, first_person, movie, quit_question, render_clip, report_list
 from .panels import engine_panels, live_preview, preferences, wipe
@@ -52,6 +61,7 @@ CLASSES = (
     *import_solve.CLASSES,
     *file_import.CLASSES,
     *lens_presets.CLASSES,
+    *lens_camera.CLASSES,
     *set_scale.CLASSES,
     *report_list.CLASSES,
     *live_preview.CLASSES,

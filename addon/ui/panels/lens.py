@@ -30,6 +30,7 @@ class VIRTUAL_APERTURE_PT_lens(ClosedPanel, bpy.types.Panel):  # noqa: N801
         column.prop(settings, "aperture_radius")
         # The percentage in the first panel cannot have keys.
         layout.prop(settings, "blur", text="Animated Blur")
+        self.layout.operator("virtual_aperture.add_lens_camera", icon="CAMERA_DATA")
 
 
 def draw_bokeh(
