@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
 import bpy
+import cv2
 import numpy as np
 
 from ..core.base import memory
@@ -31,7 +32,7 @@ from .processes.frames_ahead import frame_ahead
 from .viewport.preview import FIRST, Wanted, has_depth, make_picture
 from .viewport.viewport import PREVIEW, Shown, draw, update
 from .views import frame_notes
-from .views.average import OnFrame, render_frame
+from .views.average import OnFrame, draw_matte, render_frame
 from .views.frame_size import render_size, shape_problem
 from .views.gpu_views import egl_problem
 
@@ -40,8 +41,8 @@ VALUES: dict[str, Callable[[WarpedFrame], Map]] = {
     passes.CIRCLE_OF_CONFUSION: circle_of_confusion,
     passes.IN_FOCUS: in_focus,
 }
-"""Values of the passes that we render besides Combined."""
-CHANNEL = {passes.DEPTH: "Z", passes.CIRCLE_OF_CONFUSION: "X", passes.IN_FOCUS: "X"}
+"""Values of the passes of the sharp frame."""
+CHANNEL = {passes.DEPTH: "Z", passes.CIRCLE_OF_CONFUSION: "X", passes.IN_FOCUS: "X", passes.RANGE_MATTE: "X"}
 """Name of a pass's channel in files."""
 REDRAW = 0.1
 """Seconds between two texts about a render's progress: more of them would only cost redraws."""
@@ -192,7 +193,10 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         pictures: dict[str, LinearRGBA] = {}
 
         def on_frame(drawn: Drawn) -> None:
-            for name in names:
+            if passes.RANGE_MATTE in names:
+                matte = cv2.resize(draw_matte(drawn.warped, passes.range_of(layer)), size)
+                pictures[passes.RANGE_MATTE] = np.asarray(matte, np.float32)[..., None]
+            for name in (each for each in names if each in VALUES):
                 values = enlarged_values(VALUES[name](drawn.warped), drawn.source, drawn.whole)
                 pictures[name] = np.asarray(values, np.float32)[..., None]
             if names and passes.CIRCLE_OF_CONFUSION in pictures:

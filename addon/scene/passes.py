@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import BoolProperty, PointerProperty
+from bpy.props import BoolProperty, FloatProperty, PointerProperty
+
+from ..core.frame.range_matte import Range
 
 DEPTH = "Depth"
 """Blender's own name of the pass, and its switch is `ViewLayer.use_pass_z`."""
 CIRCLE_OF_CONFUSION, IN_FOCUS = "Circle of Confusion", "In Focus"
+RANGE_MATTE = "Range Matte"
 
 
 class VirtualAperturePasses(bpy.types.PropertyGroup):
@@ -24,6 +27,35 @@ class VirtualAperturePasses(bpy.types.PropertyGroup):
         description="Matte of what is sharp: 1 where no blur is visible, 0 where it is",
         options=set(),
     )
+    use_range_matte: BoolProperty(
+        name=RANGE_MATTE,
+        description="Matte of a range of distances, as blurred as the picture: the share of each pixel's"
+        " light that comes from there",
+        options=set(),
+    )
+    range_near: FloatProperty(
+        name="Range Near",
+        description="Distance from the camera at which the range begins, in scene units",
+        min=0.0,
+        soft_max=100.0,
+        precision=3,
+    )
+    range_far: FloatProperty(
+        name="Range Far",
+        description="Distance from the camera at which the range ends, in scene units; 0 for no end",
+        min=0.0,
+        soft_max=100.0,
+        precision=3,
+    )
+    range_softness: FloatProperty(
+        name="Range Softness",
+        description="How far past its ends the range fades out, as a share of their distance: 0.1 is up to a"
+        " tenth nearer or farther",
+        min=0.0,
+        max=1.0,
+        default=0.1,
+        subtype="FACTOR",
+    )
 
 
 def wanted(layer: bpy.types.ViewLayer) -> tuple[str, ...]:
@@ -33,8 +65,15 @@ def wanted(layer: bpy.types.ViewLayer) -> tuple[str, ...]:
         DEPTH: layer.use_pass_z,
         CIRCLE_OF_CONFUSION: ours.use_circle_of_confusion,
         IN_FOCUS: ours.use_in_focus,
+        RANGE_MATTE: ours.use_range_matte,
     }
     return tuple(name for name, is_on in switches.items() if is_on)
+
+
+def range_of(layer: bpy.types.ViewLayer) -> Range:
+    """Return the range of a view layer's matte."""
+    ours = layer.virtual_aperture_passes
+    return Range(ours.range_near, ours.range_far, ours.range_softness)
 
 
 def register() -> None:

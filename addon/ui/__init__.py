@@ -30,7 +30,16 @@ from .focus import (
     thumbnails,
 )
 from .footage import choose_clip, file_import, find_clip, import_solve, photos, restore, solve, solve_view
-from .jobs import depth_ahead, export, first_person, movie, quit_question, render_clip, report_list
+from .jobs import (
+    depth_ahead,
+    export,
+    first_person,
+    grade_nodes,
+    movie,
+    quit_question,
+    render_clip,
+    report_list,
+)
 from .panels import engine_panels, live_preview, preferences, wipe
 from .picking import paint_repair, pick_focus, pick_subject, pick_vertices, points_overlay, set_scale
 
@@ -46,6 +55,7 @@ CLASSES = (
     *movie.CLASSES,
     *render_clip.CLASSES,
     *export.CLASSES,
+    *grade_nodes.CLASSES,
     *quit_question.CLASSES,
     *find_clip.CLASSES,
     *restore.CLASSES,

@@ -186,6 +186,11 @@ CASES = {
         "ui/test_lens_presets.py::test_own_presets_are_kept_and_removed", "",
         undo="", why="Blender's own operator for presets: it writes a file, and a name that is taken is left",
     ),
+    "add_grade_nodes": Case(
+        "render/test_range_matte.py::test_nodes_grade_the_range_alone",
+        "render/test_range_matte.py::test_nodes_take_a_solve",
+        "Solve the clip first",
+    ),
     "add_lens_camera": Case(
         "scene/test_lens_camera.py::test_cycles_sees_through_our_lens",
         "scene/test_lens_camera.py::test_a_lens_that_no_camera_has_is_refused",

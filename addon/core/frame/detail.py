@@ -46,8 +46,16 @@ def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: floa
     `values` maps displacements (h, w) of texels in pixels, the signed radii of blur discs, to colours (h, w,
     3).
     """
+    snap = warped.plan.lens.snap_displacement
+    return painted_by_disparity(warped, lambda d: values(snap(d) if warped.layers else d), on_cg)
+
+
+def painted_by_disparity(
+    warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: float = 0.0
+) -> WarpedFrame:
+    """Paint as `painted` does by displacements that are not snapped to the focal plane."""
     # The channels are not colours.
-    plan, lens = replace(warped.plan, axial_colour=0.0), warped.plan.lens
+    plan = replace(warped.plan, axial_colour=0.0)
     if not warped.layers:
         # The texture is the canvas itself.
         displacement = np.nan_to_num(blur_discs(warped) / 2).astype(np.float32)
@@ -63,7 +71,7 @@ def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: floa
     painting = np.zeros_like(parts)
     disparities = [*(one.drawn_disparity for one in layers), layers[-1].back_disparity]
     for part, alpha, disparity in zip(painting, parts[..., 3], disparities, strict=True):
-        made = values(lens.snap_displacement(share * disparity))
+        made = values(share * disparity)
         part[..., :3] = alpha[..., None] * repeated(made, finer)
         part[..., 3] = alpha
     return replace(

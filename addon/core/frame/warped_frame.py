@@ -21,6 +21,7 @@ from .meshers import MESHERS
 from .meshers.layers import can_be_layered
 from .meshers.mesher import FrameGeometry, Surface, Views
 from .options import check_options
+from .own_lens import OwnLens
 from .plan import FrameOptions, FramePlan
 from .steadied import Steadied
 
@@ -52,6 +53,8 @@ class WarpedFrame:
     """The steadier camera of the plan, if any."""
     cg: tuple[CGSurface, ...] = ()
     """CG objects, which are not in the plan's mesh."""
+    own_lens: OwnLens | None = None
+    """The camera's lens, if its blur was taken from that of the layers."""
 
 
 def check_settings(settings: FrameOptions) -> None:
@@ -118,7 +121,7 @@ class MeshedFrame:
         return WarpedFrame(
             plan, texture, mesher.name, self.why, self.surface.is_whole, geometry.depth,
             self.surface.layers, self.depth_seconds, self.mesh_seconds + time.perf_counter() - began,
-            geometry.highlight_discs, moved, self._cg_surfaces(count, views.spread),
+            geometry.highlight_discs, moved, self._cg_surfaces(count, views.spread), geometry.own_lens,
         )  # fmt: skip
 
     def _cg_surfaces(self, count: int, spread: float) -> tuple[CGSurface, ...]:

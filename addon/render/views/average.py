@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from ...core.base.arrays import LinearRGBA
+from ...core.base.arrays import LinearRGBA, Map
 from ...core.base.progress import stage
 from ...core.frame.cg_layers import DrawCG, joined
 from ...core.frame.clip_context import ClipContext
 from ...core.frame.frame_path import Drawn, draw_frame, mean_of_views
 from ...core.frame.inspection import opaque_triangles, shares_of, source_frame
 from ...core.frame.plan import FrameOptions
+from ...core.frame.range_matte import Range, matte_frame, matte_of
 from ...core.frame.warped_frame import WarpedFrame
 from . import gpu_views
 
@@ -57,6 +58,12 @@ def draw_shares(drawn: Drawn) -> LinearRGBA:
     with stage("Sources", 1.0, 1.0):
         mean = draw_mean(source_frame(drawn.warped))
     return shares_of(mean, drawn.warped.plan.canvas)
+
+
+def draw_matte(warped: WarpedFrame, wanted: Range) -> Map:
+    """Return the matte (H, W) of a range of distances through the lens, in the source frame's geometry."""
+    with stage("Range Matte", 1.0, 1.0):
+        return matte_of(draw_mean(matte_frame(warped, wanted)), warped)
 
 
 def draw_mean(warped: WarpedFrame) -> LinearRGBA:
