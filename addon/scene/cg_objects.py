@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import bpy
 import numpy as np
+from bpy.props import BoolProperty
 
 from ..core.base.arrays import Floats
 
@@ -15,6 +16,8 @@ GEOMETRY = {
 """Types of objects that Cycles draws. Lights alone are seen by nobody."""
 SKY = {"TEX_ENVIRONMENT", "TEX_SKY"}
 """Types of a world's nodes with light from somewhere, and so shadows."""
+STAYS_SHARP = "virtual_aperture_stays_sharp"
+"""Property of objects that no lens blurs."""
 MOST_LAYERS = 6
 """Layers of CG objects; each is a separate render."""
 
@@ -49,6 +52,27 @@ def has_shadows(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> bool:
     world = scene.world
     nodes = world.node_tree.nodes if world is not None and world.node_tree is not None else ()
     return any(map(is_rendered, lamps)) or any(node.type in SKY for node in nodes)
+
+
+def stays_sharp(thing: bpy.types.Object) -> bool:
+    """Return whether an object stays sharp at any distance."""
+    return bool(getattr(thing, STAYS_SHARP))
+
+
+def register() -> None:
+    """Give objects their switch."""
+    made = BoolProperty(
+        name="Stays Sharp",
+        description="No lens blurs this object, as a title: nearer surfaces of the clip still hide it, softly"
+        " where they are out of focus",
+        options=set(),
+    )
+    setattr(bpy.types.Object, STAYS_SHARP, made)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    delattr(bpy.types.Object, STAYS_SHARP)
 
 
 def split_by_depth(

@@ -11,7 +11,7 @@ from ..render.output import background
 from ..render.processes import frames_ahead
 from ..render.viewport import overlay, viewport
 from ..render.views import frame_notes
-from ..scene import file_handlers, passes, properties
+from ..scene import cg_objects, file_handlers, passes, properties
 from ..scene.base import exr, paths
 from ..scene.base import preferences as user_preferences
 from ..scene.focus import focus_sync
@@ -84,6 +84,7 @@ def register() -> None:
     """Register properties, engine, operators and panels."""
     properties.register()
     passes.register()
+    cg_objects.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     user_preferences.apply()
@@ -145,5 +146,6 @@ def unregister() -> None:
     shot.forget()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
+    cg_objects.unregister()
     passes.unregister()
     properties.unregister()

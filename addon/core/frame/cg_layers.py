@@ -83,14 +83,15 @@ def joined(
         meshes.append(below)
         height, first = height + each.texture.shape[0], first + len(each.mesh.xy)
     inverse = np.concatenate([each.inverse_depth for each in meshes])
+    order = np.concatenate([each.nearness for each in meshes])
     triangles = np.concatenate([each.triangles for each in meshes])
-    nearness = inverse[triangles].min(axis=1)
+    nearness = order[triangles].min(axis=1)
     # The sort is stable, so that the first triangles, which are equal, keep their order.
     nearness[:opaque] = -np.inf
     ordered = triangles[np.argsort(nearness, kind="stable")]
     whole = WarpMesh(
         np.concatenate([each.xy for each in meshes]), np.concatenate([each.texture_xy for each in meshes]),
-        inverse, ordered.astype(np.int32),
+        inverse, ordered.astype(np.int32), order if any(each.order is not None for each in meshes) else None,
     )  # fmt: skip
     return whole, np.concatenate(parts)
 

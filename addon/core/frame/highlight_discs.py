@@ -21,6 +21,7 @@ from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
 from ..optics.aperture import RED_AND_BLUE, SUBSAMPLES, Aperture
 from ..optics.bokeh import barrel_share
+from ..optics.thin_lens import ThinLens
 from ..warp.cg_layer import CGLayer
 from ..warp.clipped_blobs import brightest
 from ..warp.layered_depth_image import LayeredDepthImage, inpainted
@@ -115,6 +116,15 @@ def _focal_planes(plan: FramePlan) -> tuple[_FocalPlane, ...]:
     return _FocalPlane(1 - apart, 0.0), _FocalPlane(apart, plan.lens.disparity_scale * plan.axial_shift)
 
 
+class _Veil:
+    """A CG layer that stays sharp, and hides discs where it stands in the picture."""
+
+    def __init__(self, layer: CGLayer, lens: ThinLens, size: tuple[int, int]) -> None:
+        self.left = 1 - layer.on_raster((0, 0), size).picture[..., 3]
+        """(h, w) share of light that passes beside it."""
+        self.displacement = float(np.median(layer.displacement(lens)))
+
+
 @dataclass(frozen=True)
 class HighlightDiscs:
     """The highlights of a frame and the aperture."""
@@ -135,18 +145,26 @@ class HighlightDiscs:
         total: LinearRGB = np.zeros((height, width, 3), np.float32)
         own = plan.canvas.pinhole if self.steadied is None else self.steadied.own_canvas.pinhole
         lens = plan.lens if self.steadied is None else self.steadied.own_lens
-        before = Surfaces(layers, cg, lens, (own.height, own.width))
+        before = Surfaces(layers, [each for each in cg if not each.is_sharp], lens, (own.height, own.width))
+        sharp = [_Veil(each, lens, (height, width)) for each in cg if each.is_sharp]
         for one, focal_plane in product(self.found, _focal_planes(plan)):
             checkpoint()
             focused = replace(one, light=one.light * focal_plane.channels)
             if not focused.light.any():
                 continue
             discs, corners = self._discs(focused, plan, before, focal_plane)
+            veils = [each.left for each in sharp if each.displacement > one.displacement]
             for disc, (row, column) in zip(discs, corners.tolist(), strict=True):
                 top, left = max(0, -row), max(0, -column)
                 part = disc[top : max(0, height - row), left : max(0, width - column)]
-                if part.size:
-                    total[row + top :, column + left :][: part.shape[0], : part.shape[1]] += part
+                if not part.size:
+                    continue
+                rows, columns = (
+                    slice(n, n + m) for n, m in zip((row + top, column + left), part.shape, strict=False)
+                )
+                for veil in veils:
+                    part = part * veil[rows, columns, None]
+                total[rows, columns] += part
         if plan.vignetting:
             total /= light_left(plan)[..., None]
         return total

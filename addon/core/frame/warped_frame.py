@@ -130,9 +130,17 @@ class MeshedFrame:
         if moved is not None:
             lens = replace(lens, radius=moved.lens.radius)
         made = [(each, *each.surface(lens, count, spread)) for each in self.geometry.cg.layers]
-        return tuple(
-            CGSurface(one, moved.mesh(mesh) if moved else mesh, picture) for one, mesh, picture in made
-        )
+        focus = self.geometry.lens.focus if moved is None else moved.lens.focus
+        found = []
+        for one, mesh, picture in made:
+            seen = moved.mesh(mesh) if moved else mesh
+            if one.is_sharp:
+                # In the focal plane to all views, and hidden by the surfaces in front of it.
+                seen = replace(
+                    seen, inverse_depth=np.full_like(mesh.inverse_depth, focus), order=seen.nearness
+                )
+            found.append(CGSurface(one, seen, picture))
+        return tuple(found)
 
 
 def drawn_size(settings: FrameOptions, size: tuple[int, int], has_cg: bool = False) -> tuple[int, int]:

@@ -32,9 +32,13 @@ class CGLayer:
     """(h, w) 1 / z in the frame's camera, in the reconstruction's unit; outside silhouettes, the nearest."""
     corner: tuple[int, int]
     """Column and row of the first pixel on the canvas; negative before the canvas."""
+    is_sharp: bool = False
+    """True if all views see it as the frame's camera does, so that no lens blurs it."""
 
     @classmethod
-    def of(cls, picture: LinearRGBA, inverse_depth: Map, margin: int, typical: float) -> CGLayer | None:
+    def of(
+        cls, picture: LinearRGBA, inverse_depth: Map, margin: int, typical: float, is_sharp: bool = False
+    ) -> CGLayer | None:
         """Return the layer of a picture (H, W, 4) of the canvas and a margin in pixels; None if it is empty.
 
         `inverse_depth` (H, W) is 0 where the camera sees no surface; a layer without any, such as smoke, has
@@ -49,7 +53,8 @@ class CGLayer:
         solid = known & (picture[part][..., 3] > SOLID)
         known = solid if solid.any() else known
         inverse = nearest(inverse, known) if known.any() else np.full_like(inverse, typical)
-        return cls(picture[part].copy(), inverse, (int(columns[0]) - margin, int(rows[0]) - margin))
+        corner = int(columns[0]) - margin, int(rows[0]) - margin
+        return cls(picture[part].copy(), inverse, corner, is_sharp)
 
     def places(self) -> Floats:
         """Return (h, w, 2) centres of pixels on the canvas."""
@@ -84,8 +89,8 @@ class CGLayer:
         return CGLayer(
             at(picture, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT),
             at(wide.inverse_depth, cv2.INTER_NEAREST, cv2.BORDER_REPLICATE),
-            (int(corner[0]), int(corner[1])),
-        )
+            (int(corner[0]), int(corner[1])), self.is_sharp,
+        )  # fmt: skip
 
     def on_raster(self, margin: tuple[int, int], shape: tuple[int, ...]) -> CGLayer:
         """Place on a raster of (rows, columns) that begins `margin` rows and columns before the canvas."""
@@ -100,11 +105,13 @@ class CGLayer:
         return CGLayer(
             np.pad(self.picture, [*spare, (0, 0)])[rows, columns],
             np.pad(self.inverse_depth, spare, mode="edge")[rows, columns],
-            (-margin[1], -margin[0]),
-        )
+            (-margin[1], -margin[0]), self.is_sharp,
+        )  # fmt: skip
 
     def largest_disc(self, lens: ThinLens) -> float:
         """Return the 99th percentile of the covered pixels' blur discs: a diameter in pixels."""
+        if self.is_sharp:
+            return 0.0
         rectified = np.asarray(lens.rectified(self.inverse_depth, self.places()), np.float64)
         return lens.largest_disc(rectified[self.picture[..., 3] > FAINT])
 
@@ -114,11 +121,14 @@ class CGLayer:
         Both reach past the picture as far as the filter does. `spread` is the open part of the aperture, in
         shares of its radius.
         """
-        widest = spread * float(lens.footprint(self.displacement(lens), views).max())
+        widest = (
+            0.0 if self.is_sharp else spread * float(lens.footprint(self.displacement(lens), views).max())
+        )
         wide = self._padded(int(np.ceil(widest)) + 2)
         away = wide.displacement(lens)
         texture = wide.picture.copy()
-        prefilter_alone(texture, np.float32(spread) * lens.footprint(away, views))
+        if not self.is_sharp:
+            prefilter_alone(texture, np.float32(spread) * lens.footprint(away, views))
         texture[texture[..., 3] < FAINT] = 0
         inverse = lens.focus + lens.snap_displacement(away).astype(np.float64) / lens.disparity_scale
         rows, columns = (range(0, n, STEP) for n in inverse.shape)
@@ -134,7 +144,7 @@ class CGLayer:
         sides = [(margin, n) for n in after]
         return CGLayer(
             np.pad(self.picture, [*sides, (0, 0)]), np.pad(self.inverse_depth, sides, mode="edge"),
-            (self.corner[0] - margin, self.corner[1] - margin),
+            (self.corner[0] - margin, self.corner[1] - margin), self.is_sharp,
         )  # fmt: skip
 
 

@@ -36,6 +36,13 @@ class WarpMesh:
     """(V,) 1 / z of the vertices in the actual camera, in 1 / scene units; 0 is at infinity."""
     triangles: Ints
     """(T, 3) rows of the vertices."""
+    order: Floats | None = None
+    """(V,) inverse depths by which triangles hide each other, if other than `inverse_depth`."""
+
+    @property
+    def nearness(self) -> Floats:
+        """Return the inverse depths (V,) by which triangles hide each other."""
+        return self.inverse_depth if self.order is None else self.order
 
 
 def feature_mesh(features: DepthSamples, canvas: Canvas, margin: float) -> WarpMesh:

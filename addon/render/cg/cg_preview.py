@@ -14,7 +14,7 @@ from ...core.camera.reconstruction import Intrinsics
 from ...core.depth.source import PixelDepth
 from ...core.frame.cg_layers import NO_CG, CGObjects, DrawCG
 from ...scene.base.timeline import clip_frame
-from ...scene.cg_objects import cg_objects
+from ...scene.cg_objects import cg_objects, stays_sharp
 from .cg_process import CGProcess
 
 KEPT = 8
@@ -29,7 +29,7 @@ class CGWanted:
     layer: str
     frame: int
     """Frame of the scene's animation."""
-    objects: tuple[int, ...]
+    objects: tuple[tuple[int, bool], ...]
     """Session IDs of the objects. A hidden one that is shown again joins them unchanged."""
     version: int
     """Counted up whenever the objects change."""
@@ -76,7 +76,7 @@ _kept: OrderedDict[CGWanted, tuple[Intrinsics, CGObjects]] = OrderedDict()
 
 def wanted(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> CGWanted | None:
     """Return the CG objects of a scene at its present frame; None where it has none."""
-    objects = tuple(thing.session_uid for thing in cg_objects(scene, layer))
+    objects = tuple((thing.session_uid, stays_sharp(thing)) for thing in cg_objects(scene, layer))
     return CGWanted(scene.name, layer.name, clip_frame(scene), objects, _version) if objects else None
 
 

@@ -91,8 +91,9 @@ class CGProcess:
             time.sleep(LOOK)
         drawn = Layers.read(path)
         path.unlink()
-        parts = zip(drawn.pictures, drawn.inverse_depths, drawn.typical.tolist(), strict=True)
-        layers = [CGLayer.of(picture, inverse, margin, typical) for picture, inverse, typical in parts]
+        typical, sharp = drawn.typical.tolist(), drawn.sharp.tolist()
+        parts = zip(drawn.pictures, drawn.inverse_depths, typical, sharp, strict=True)
+        layers = [CGLayer.of(picture, inverse, margin, *rest) for picture, inverse, *rest in parts]
         found = tuple(each for each in layers if each is not None)
         return CGObjects(found, drawn.shadow if drawn.shadow.size else None)
 

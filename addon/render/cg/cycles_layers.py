@@ -15,12 +15,12 @@ import bpy
 import numpy as np
 
 from ...core.base import limits
-from ...core.base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map
+from ...core.base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
 from ...core.base.errors import UserError
 from ...core.base.npz import read_whole, write_whole
 from ...core.camera.reconstruction import Intrinsics
 from ...scene.base.timeline import go_to
-from ...scene.cg_objects import cg_objects, has_shadows, split_by_depth
+from ...scene.cg_objects import cg_objects, has_shadows, split_by_depth, stays_sharp
 from ...scene.solve.camera import set_intrinsics, set_pixel_aspect
 from ..views.quiet import quiet
 
@@ -81,13 +81,14 @@ class Layers:
 
     Pictures (n, H, W, 4) of canvas and margin are linear and premultiplied, near ones first; inverse depths
     (n, H, W) are in the reconstruction's unit, 0 in empty pixels; each layer has one (n,), too. The share of
-    light (h, w, 3) left on the clip is empty without shadows.
+    light (h, w, 3) left on the clip is empty without shadows. Some layers (n,) stay sharp.
     """
 
     pictures: LinearRGBA
     inverse_depths: Map
     typical: Map
     shadow: LinearRGB
+    sharp: Mask
 
     def write(self, path: Path) -> None:
         """Into a file of arrays, which appears whole."""
@@ -158,14 +159,15 @@ class CyclesScene:
         # A view through a camera leaves its scale aside: depth is in the world's unit.
         unit = float(np.linalg.norm(world[:3, 0]))
         to_camera = np.linalg.inv(world / np.array([unit, unit, unit, 1.0]))
-        pictures, depths, typical = [], [], []
-        for members, middle in split_by_depth(things, depsgraph, to_camera):
+        pictures, depths, typical, sharp = [], [], [], []
+        for members, middle in _parts(things, depsgraph, to_camera):
             self._show(things, members)
             drawn = self._render(layer, shadows=False)
             pictures.append(drawn["Image"])
             far = drawn["Depth"][..., 0]
             depths.append(np.where(far < EMPTY, unit / np.maximum(far, 1e-9), 0).astype(np.float32))
             typical.append(unit * middle if np.isfinite(middle) else 0.0)
+            sharp.append(stays_sharp(members[0]))
         shadow = np.zeros((0, 0, 3), np.float32)
         if wanted.plate.size and has_shadows(scene, layer) and any(thing.visible_shadow for thing in things):
             self._show(things, [])
@@ -175,6 +177,7 @@ class CyclesScene:
         return Layers(
             np.array(pictures, np.float32).reshape(-1, *size, 4),
             np.array(depths, np.float32).reshape(-1, *size), np.array(typical, np.float32), shadow,
+            np.array(sharp, bool),
         )  # fmt: skip
 
     def _look(self, pinhole: Intrinsics, margin: int) -> None:
@@ -249,6 +252,15 @@ class CyclesScene:
         finally:
             bpy.data.images.remove(image)
             path.unlink()
+
+
+def _parts(
+    things: Sequence[bpy.types.Object], depsgraph: bpy.types.Depsgraph, to_camera: Floats
+) -> list[tuple[list[bpy.types.Object], float]]:
+    """Split objects as `split_by_depth` does, those that stay sharp apart from the others."""
+    blurred = [each for each in things if not stays_sharp(each)]
+    sharp = [each for each in things if stays_sharp(each)]
+    return [group for some in (blurred, sharp) for group in split_by_depth(some, depsgraph, to_camera)]
 
 
 def _plate(inverse: Map, pinhole: Intrinsics) -> bpy.types.Object:

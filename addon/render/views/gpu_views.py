@@ -268,12 +268,12 @@ def vertex_arrays(plan: FramePlan, picture: LinearRGBA) -> dict[str, NDArray[np.
     cancel the last digits.
     """
     mesh = plan.mesh
-    nearest = float(mesh.inverse_depth.max(initial=0.0)) or 1.0
+    nearest = float(mesh.nearness.max(initial=0.0)) or 1.0
     contrast = mesh.inverse_depth - plan.lens.focus
     return {
         "xy": np.ascontiguousarray(mesh.xy, dtype=np.float32),
         "texture_xy": np.ascontiguousarray(mesh.texture_xy / picture.shape[1::-1], dtype=np.float32),
-        "nearness": np.ascontiguousarray(mesh.inverse_depth / nearest, dtype=np.float32),
+        "nearness": np.ascontiguousarray(mesh.nearness / nearest, dtype=np.float32),
         "contrast": np.ascontiguousarray(contrast / _largest_contrast(plan), dtype=np.float32),
     }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...core.frame.meshers import MESHERS
-from ...scene.cg_objects import cg_objects
+from ...scene.cg_objects import STAYS_SHARP, cg_objects
 from ..jobs import export, movie
 from .panel import ClosedPanel, split
 
@@ -88,6 +88,8 @@ class VIRTUAL_APERTURE_PT_cg(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, cycles, render = split(self.layout), context.scene.cycles, context.scene.render
+        if context.object in cg_objects(context.scene, context.view_layer):
+            layout.prop(context.object, STAYS_SHARP)
         layout.prop(cycles, "samples", text="Cycles Samples")
         layout.prop(cycles, "use_denoising", text="Denoise")
         layout.prop(render, "use_motion_blur")
