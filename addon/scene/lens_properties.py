@@ -16,7 +16,7 @@ from bpy.props import (
 
 from .focus import focus_marks
 from .focus.focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
-from .lens import aperture_cloud, depth_of_field, highlight_stops, lens
+from .lens import aperture_cloud, depth_of_field, formats, highlight_stops, lens
 from .lens.aperture_shape import VirtualApertureShape
 from .lens.repairs import VirtualApertureRepairs
 
@@ -213,6 +213,17 @@ class LensProperties:
         soft_max=128.0,
         precision=2,
         step=10,
+        options=set(),
+    )
+    f_stop_format: EnumProperty(
+        name="F-Stop On",
+        description="Camera whose f-stops are meant: f/1.8 on a full frame blurs as f/1.2 on Super 35. The"
+        " picture stays, its f-stop changes. Lens and Sensor, in Solve, replaces it",
+        items=[
+            (identifier, f"{label} ({width:g} mm)", cameras)
+            for identifier, (label, width, cameras) in formats.FORMATS.items()
+        ],
+        default=formats.FULL_FRAME,
         options=set(),
     )
     restore_highlights: BoolProperty(

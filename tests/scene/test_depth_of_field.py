@@ -50,6 +50,31 @@ def test_f_stop_radius_and_blur_are_one_number(scene: bpy.types.Scene, tmp_path:
     assert settings.f_stop == pytest.approx(0.01575 / 0.05, rel=1e-5)
 
 
+def test_an_f_stop_is_that_of_the_chosen_camera(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    settings = shot(scene, tmp_path)
+    settings.focus_distance, settings.metres_per_unit, settings.f_stop = 8.0, 0.25, 1.8
+    radius = settings.aperture_radius
+    settings.f_stop_format = "FOUR_THIRDS"
+    # The picture stays; half the focal length has half the f-stop for the same aperture.
+    assert settings.aperture_radius == radius
+    assert settings.f_stop == pytest.approx(1.8 * 17.3 / 36, rel=1e-5)
+    settings.f_stop = 1.8
+    assert settings.aperture_radius == pytest.approx(radius * 17.3 / 36, rel=1e-5)
+
+
+def test_a_t_stop_is_of_the_light_that_passes(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    settings = shot(scene, tmp_path)
+    assert depth_of_field.t_stop(settings) == 0
+    settings.focus_distance, settings.metres_per_unit, settings.f_stop = 8.0, 0.25, 4.0
+    assert depth_of_field.t_stop(settings) == pytest.approx(4.0, rel=2e-3)
+    # A mirror of half the diameter takes a quarter of the light.
+    settings.shape.obstruction = 0.5
+    assert depth_of_field.t_stop(settings) == pytest.approx(4.0 / np.sqrt(0.75), rel=2e-3)
+    # The mean of 0.1^(r^2) over a disc.
+    settings.shape.obstruction, settings.shape.apodisation = 0.0, 0.9
+    assert depth_of_field.t_stop(settings) == pytest.approx(4.0 / np.sqrt(0.9 / np.log(10)), rel=2e-3)
+
+
 def test_no_f_stop_is_no_aperture(scene: bpy.types.Scene, tmp_path: Path) -> None:
     settings = shot(scene, tmp_path)
     assert settings.f_stop == 0, "nothing is in focus, and no aperture chosen"

@@ -161,6 +161,12 @@ class Aperture:
         is_even = self.apodisation == self.spherical_aberration == self.obstruction == 0
         return is_round and is_even and self.ratio == 1
 
+    @property
+    def transmission(self) -> float:
+        """Return the ratio of the light that passes to a round hole's, in the picture's centre."""
+        _, light, _ = open_cells(self)
+        return float(light.sum() * (2 / CELLS) ** 2 / np.pi)
+
     def light(self, x: Floats, y: Floats) -> Floats:
         """Return the transmission (...) at positions x and y (...), in shares of the radius.
 

@@ -21,7 +21,7 @@ from ...core.optics.zone import InFocusZone
 from ..base.timeline import clip_frame
 from ..solve.camera import SENSOR
 from ..sources.shot import IDENTITY, reconstruction_of
-from . import lens
+from . import formats, lens
 
 NORMAL, PORTRAIT = 50.0, 2.0
 """Millimetres on a full frame, and metres: lens and distance of an assumed scale. Presets of lenses are
@@ -41,8 +41,8 @@ def focal_metres(settings: bpy.types.PropertyGroup) -> float:
 
 
 def sensor_millimetres(settings: bpy.types.PropertyGroup) -> float:
-    """Return the width of the sensor: the given one, or a full frame's."""
-    return float(settings.sensor_mm) if settings.lens == "SENSOR" else SENSOR
+    """Return the width of the sensor: the given one, or that of the format of the f-stop."""
+    return float(settings.sensor_mm) if settings.lens == "SENSOR" else formats.width(settings.f_stop_format)
 
 
 def scale(settings: bpy.types.PropertyGroup) -> float:
@@ -107,6 +107,14 @@ def f_stop(settings: bpy.types.PropertyGroup) -> float:
     """Return the aperture's f-stop by the given or assumed scale; 0 without an aperture."""
     across = 2 * settings.aperture_radius * scale(settings)
     return focal_metres(settings) / across if across > 0 else 0.0
+
+
+def t_stop(settings: bpy.types.PropertyGroup) -> float:
+    """Return the T-stop: the f-stop of a round hole with the light of the aperture's shape; 0 without one.
+
+    Losses in glass are not part of a shape, and left out.
+    """
+    return f_stop(settings) / math.sqrt(settings.shape.aperture.transmission)
 
 
 _assumes = True

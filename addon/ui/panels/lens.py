@@ -5,13 +5,15 @@ from __future__ import annotations
 import bpy
 
 from ...core.base.errors import UserError
-from ...scene.lens import depth_of_field, lens
+from ...scene.lens import depth_of_field, formats, lens
 from ..base.operators import sentence
 from ..base.text import wrapped
 from ..focus import bokeh, lens_presets
 from .main import draw_subject
 from .panel import ClosedPanel, split
 
+LESS_LIGHT = 1.02
+"""T-stop over f-stop from which it is shown: a twentieth of a stop."""
 BOKEH = 5.0
 """Rows that the picture of the aperture is high. Chosen by inspection."""
 
@@ -40,8 +42,17 @@ def draw_bokeh(
     try:
         if picture := bokeh.icon(shape.aperture):
             layout.template_icon(icon_value=picture, scale=BOKEH)
+        _draw_t_stop(layout, context)
     except UserError as error:
         wrapped(layout, context, sentence(str(error)), icon="ERROR", alert=True)
+
+
+def _draw_t_stop(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the T-stop of a shape that takes light, once the scale is known."""
+    settings = context.scene.virtual_aperture
+    f_stop, t_stop = depth_of_field.f_stop(settings), depth_of_field.t_stop(settings)
+    if depth_of_field.known_scale(settings) > 0 and t_stop > LESS_LIGHT * f_stop:
+        wrapped(layout, context, f"f/{f_stop:.1f}, T{t_stop:.1f} without losses in glass")
 
 
 class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
@@ -56,8 +67,13 @@ class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
         if settings.points is not None:
             millimetres = 1000 * depth_of_field.focal_metres(settings)
             sensor = depth_of_field.sensor_millimetres(settings)
-            equivalent = "" if settings.lens == "SENSOR" else " (full-frame equivalent)"
-            wrapped(layout, context, f"{millimetres:.1f} mm lens, {sensor:g} mm sensor{equivalent}")
+            if settings.lens != "SENSOR":
+                layout.prop(settings, "f_stop_format")
+            crop = formats.crop_factor(sensor)
+            meant = f" (crop factor {crop:.2f})" if crop != 1 else " (full-frame equivalent)"
+            if settings.lens == "SENSOR" and crop == 1:
+                meant = ""
+            wrapped(layout, context, f"{millimetres:.1f} mm lens, {sensor:g} mm sensor{meant}")
 
 
 class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801
