@@ -23,6 +23,7 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.light import to_linear
 from addon.core.optics.aperture import Aperture
+from addon.core.warp.cg_layer import CGLayer
 
 from .. import planes
 from ..scenes import slanted_plane, texture
@@ -150,6 +151,20 @@ def test_nothing_that_is_farther_or_as_far_hides_a_highlight() -> None:
     inverse[70:76, 98:106] = 1 / FAR
     light = discs(drawn(with_highlight(dark(), 101, 71), inverse))
     assert light[..., 0].sum() == pytest.approx(160, rel=5e-3)
+
+
+@pytest.mark.parametrize("away", [3.0, 20.0], ids=["before", "behind"])
+def test_a_title_that_stays_sharp_hides_discs_where_it_stands(away: float) -> None:
+    warped = drawn(with_highlight(dark(), 119, 79), flat())
+    title = np.zeros((SIZE[1], SIZE[0], 4), np.float32)
+    title[:, 124:] = 1
+    layer = CGLayer.of(title, np.full(SIZE[::-1], 1 / away, np.float32), 0, 0.0, is_sharp=True)
+    whole, held = discs(warped), warped.highlight_discs
+    assert layer is not None and held is not None and whole[:, 124:].any()
+    found = held.light(warped.plan, warped.layers, [layer])
+    # A hard edge through the disc, or none of it.
+    assert np.array_equal(found[:, :124], whole[:, :124])
+    assert np.array_equal(found[:, 124:], whole[:, 124:] * (away > FAR))
 
 
 @pytest.mark.parametrize(
