@@ -11,7 +11,7 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import open_footage
 from addon.scene.build import build
-from addon.scene.lens import depth_of_field
+from addon.scene.lens import depth_of_field, scale
 from addon.scene.sources.shot import Shot
 
 from ..scenes import slanted_plane, slanted_shot, write_plane
@@ -68,7 +68,7 @@ def test_an_f_stop_blurs_as_on_a_normal_lens_until_a_scale_is_given(
 ) -> None:
     settings.focus_distance = 8.0
     assert settings.metres_per_unit == 0
-    metres = depth_of_field.scale(settings)
+    metres = scale.scale(settings)
     # What lies in the median, by any frame: 2 m from 50 mm, and as the square of the focal length.
     reconstruction = slanted_plane(LENS, count=1500)
     depth = np.median(reconstruction.images[1].to_camera(reconstruction.points.xyz)[:, 2])
@@ -83,7 +83,7 @@ def test_an_f_stop_blurs_as_on_a_normal_lens_until_a_scale_is_given(
     # Another focus, or another frame, is no other scale.
     settings.focus_distance = 4.0
     scene.frame_set(3)
-    assert depth_of_field.scale(settings) == metres
+    assert scale.scale(settings) == metres
 
 
 def test_how_far_the_subject_is_away_is_the_scale(
@@ -94,7 +94,7 @@ def test_how_far_the_subject_is_away_is_the_scale(
     assert settings.metres_per_unit == 0, "nothing is in focus"
     settings.focus_distance = 8.0
     radius = settings.aperture_radius
-    assert settings.subject_metres == pytest.approx(8.0 * depth_of_field.scale(settings))
+    assert settings.subject_metres == pytest.approx(8.0 * scale.scale(settings))
     settings.subject_metres = 0.4
     assert settings.metres_per_unit == pytest.approx(0.05)
     assert settings.subject_metres == pytest.approx(0.4)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...core.base.errors import UserError
-from ...scene.lens import depth_of_field, formats, lens
+from ...scene.lens import depth_of_field, formats, lens, scale
 from ..base.operators import sentence
 from ..base.text import wrapped
 from ..focus import bokeh, lens_presets
@@ -66,7 +66,7 @@ class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
         layout.prop(settings, "metres_per_unit")
         if settings.points is not None:
             millimetres = 1000 * depth_of_field.focal_metres(settings)
-            sensor = depth_of_field.sensor_millimetres(settings)
+            sensor = scale.sensor_millimetres(settings)
             if settings.lens != "SENSOR":
                 layout.prop(settings, "f_stop_format")
             crop = formats.crop_factor(sensor)

@@ -9,7 +9,7 @@ import bpy
 from ...core.focus.first_focus import NEAREST
 from ...scene.base import version
 from ...scene.base.timeline import clip_frame
-from ...scene.lens import blender_focus, depth_of_field, lens
+from ...scene.lens import blender_focus, depth_of_field, lens, scale
 from ..base import solving
 from ..base.solving import Solving
 from ..base.text import is_narrow, progress_row, wrapped
@@ -156,7 +156,7 @@ def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
     row.prop(settings, "blur_percent", text="Blur")
     lens_presets.draw_button(row)
     is_guess = not settings.metres_per_unit > 0
-    if depth_of_field.known_scale(settings) > 0:
+    if scale.known_scale(settings) > 0:
         stop = column.row(align=True)
         stop.active = not lens.is_keyed(settings, "blur")
         stop.prop(settings, "f_stop", text="F-Stop (guess)" if is_guess else "F-Stop")

@@ -12,7 +12,7 @@ from ...core.focus.place import Place
 from ...core.frame.clip_context import ClipContext
 from ...scene.base.timeline import clip_frame
 from ...scene.focus.clicks import places
-from ...scene.lens import depth_of_field
+from ...scene.lens import scale
 from ...scene.sources.shot import shot_of
 from ..base.operators import Result, reported, sentence
 from .pick_place import PicksPlaces
@@ -61,7 +61,7 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
         if not self.length:
             return super().invoke(context, event)
         # Both ends are picked.
-        self.metres = self.length * depth_of_field.scale(context.scene.virtual_aperture)
+        self.metres = self.length * scale.scale(context.scene.virtual_aperture)
         answer: Result = context.window_manager.invoke_props_dialog(self, confirm_text="Set Scale")
         return answer
 
