@@ -86,7 +86,7 @@ def inspect(options: argparse.Namespace) -> None:
 def _inspected(scene: bpy.types.Scene, frame: int, debug: bool) -> tuple[dict[str, Shown], FrameReport]:
     shot, inspector = shot_of(scene), Inspector()
     # The pictures are of the frame as the clip has it.
-    lens = replace(frame_options(scene.virtual_aperture, shot.reconstruction), stabilize=0.0)
+    lens = replace(frame_options(scene.virtual_aperture, shot.reconstruction), stabilize=0.0, sensor=0.0)
     size = render_size(scene.render)
     check_gpu()
     with contextlib.nullcontext(1) if debug else quiet(1):

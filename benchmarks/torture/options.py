@@ -23,7 +23,8 @@ OPTIONS = (
 )  # fmt: skip
 SHAPE = (
     "blades", "rotation", "roundness", "ratio", "obstruction", "apodisation", "spherical_aberration",
-    "vignetting", "axial_colour", "image",
+    "vignetting", "axial_colour", "swirl", "field_curvature", "coma", "anamorphic_focus", "lateral_colour",
+    "matte_box_sides", "matte_box_top", "breathing", "image",
 )  # fmt: skip
 
 

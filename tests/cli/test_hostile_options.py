@@ -88,7 +88,8 @@ WRONG = [
     *((("--aperture", f"blades={value}"), "is not a whole number") for value in NO_NUMBERS),
     *((("--aperture", f"{key}={value}"), "is not a number")
       for key in ("rotation", "roundness", "ratio", "obstruction", "apodisation",
-                  "spherical_aberration", "vignetting", "axial_colour")
+                  "spherical_aberration", "vignetting", "axial_colour", "swirl", "field_curvature", "coma",
+                  "anamorphic_focus", "lateral_colour", "matte_box_sides", "matte_box_top", "breathing")
       for value in NO_NUMBERS),
     *((("--" + name, value), "is not a number")
       for name in ("focus-distance", "tilt", "swing", "blur", "aperture-radius",

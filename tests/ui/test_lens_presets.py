@@ -84,7 +84,7 @@ def test_a_preset_sets_the_lens_and_nothing_else(settings: bpy.types.PropertyGro
 
 def test_the_f_stop_counts_where_the_scale_is_known(settings: bpy.types.PropertyGroup) -> None:
     settings.metres_per_unit = 0.25
-    use(next(file for file in SHIPPED if file.name.startswith("50_mm")))
+    use(next(file for file in SHIPPED if file.name == "50_mm_f_slash_1.4.py"))
     assert settings.f_stop == pytest.approx(1.4)
     assert settings.aperture_radius == pytest.approx(0.0315 / 2.8 / 0.25, rel=1e-5)
 

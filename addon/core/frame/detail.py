@@ -46,8 +46,12 @@ def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: floa
     `values` maps displacements (h, w) of texels in pixels, the signed radii of blur discs, to colours (h, w,
     3).
     """
-    snap = warped.plan.lens.snap_displacement
-    return painted_by_disparity(warped, lambda d: values(snap(d) if warped.layers else d), on_cg)
+    plan = warped.plan
+
+    def of_discs(displacement: Map) -> LinearRGB:
+        return values(plan.discs(plan.lens.snap_displacement(displacement) if warped.layers else displacement))
+
+    return painted_by_disparity(warped, of_discs, on_cg)
 
 
 def painted_by_disparity(

@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from ..base.arrays import LinearRGBA, in_channels
 from ..base.progress import stage
 from ..media.noise import Noise
+from ..optics.aperture import RED_AND_BLUE
 from . import detail, grain
 from .highlight_discs import TrackedDepth, without_small_highlights
 from .meshers.mesher import FrameGeometry
@@ -108,8 +110,8 @@ def _add_highlights(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
 
 
 def _normalize_barrel(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
-    """Normalize the light behind a long barrel, so that surfaces in focus keep their brightness."""
-    if warped.plan.vignetting:
+    """Normalize the light that barrel and matte box leave: surfaces in focus keep their brightness."""
+    if warped.plan.is_cut:
         mean /= in_channels(light_left(warped.plan), 4)
     return mean
 
@@ -131,6 +133,25 @@ def _add_detail(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
     return detail.enlarged(picture, drawing.small, drawing.source, share)
 
 
+def _shift_colours(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
+    """Enlarge the red picture about the principal point and shrink the blue one: lateral color."""
+    amount = drawing.geometry.settings.aperture.lateral_colour
+    if not amount:
+        return picture
+    camera = drawing.warped.plan.canvas.camera
+    size = picture.shape[1], picture.shape[0]
+    middle = camera.principal_point * size / [camera.width, camera.height] - 0.5
+    result = picture.copy()
+    for channel, sign in zip(RED_AND_BLUE, (1, -1), strict=True):
+        larger = 1 + sign * amount
+        shift = np.column_stack([np.eye(2) / larger, middle - middle / larger])
+        flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+        one = np.ascontiguousarray(picture[..., channel])
+        moved = cv2.warpAffine(one, shift, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        result[..., channel] = np.maximum(moved, 0)
+    return result
+
+
 def _add_grain(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
     """Add noise like the clip's where blur removes it."""
     warped, noise, settings = drawing.warped, drawing.noise, drawing.geometry.settings
@@ -148,6 +169,7 @@ EFFECTS = (
     Effect(on_mean=_close_gaps),
     Effect(before=_remove_highlights, on_mean=_add_highlights),
     Effect(after=_add_detail),
+    Effect(after=_shift_colours),
     Effect(after=_add_grain),
 )
 """All effects."""

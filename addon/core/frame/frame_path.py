@@ -12,6 +12,8 @@ from ..base.arrays import Floats, LinearRGBA
 from ..base.progress import checkpoint, stage
 from ..camera.steady_path import LEVELS
 from ..depth.source import NO_PICTURE, SURE
+from ..optics.aberrations import Aberrations
+from ..optics.breathing import enlargement
 from .cg_layers import DrawCG
 from .clip_context import ClipContext
 from .detail import resized
@@ -133,7 +135,7 @@ def mesh_frame(
 
     Passes checkpoints. Raises UserError if the settings do not fit the frame, or the clip cannot be read.
     """
-    began = time.perf_counter()
+    began, aberrations = time.perf_counter(), Aberrations.of(settings.aperture)
     geometry, why, depth_seconds = _with_depth(frame_geometry(clip, frame, settings, size, source))
     blur = sampled_disc(geometry)
     if geometry.depth is not None and geometry.mesher.needs_pixel_depth:
@@ -144,12 +146,16 @@ def mesh_frame(
             cg = draw_cg(frame, geometry.canvas, geometry.depth)
         geometry = replace(geometry, cg=cg, picture=cg.shaded(geometry.picture))
         blur = max([blur, *(each.largest_disc(geometry.lens) for each in cg.layers)])
-    if settings.stabilize:
-        path = clip.steady_path(settings.stabilize, settings.fill_border)
+    enlarged = _enlargement(geometry)
+    if settings.stabilize or enlarged != 1:
+        path = clip.steady_path(settings.stabilize, settings.fill_border) if settings.stabilize else None
         image, _ = clip.reconstruction.image_at(frame)
-        moved = steadied(image, geometry.canvas, geometry.lens, path)
+        moved = steadied(image, geometry.canvas, geometry.lens, path, enlarged)
         beyond = _beyond(geometry, moved)
         geometry = replace(geometry, steadied=moved, lens=moved.own_lens, beyond=beyond)
+    if aberrations.is_active:
+        bent = aberrations.largest * geometry.lens.disparity_scale * geometry.lens.axis
+        geometry, blur = replace(geometry, beyond=geometry.beyond + bent), blur + 2 * bent
     for effect in EFFECTS:
         geometry = effect.before(geometry)
     with stage("Mesh", DEEP if geometry.mesher.needs_pixel_depth else 0.0, 1.0):
@@ -181,6 +187,16 @@ def _with_depth(geometry: FrameGeometry) -> tuple[FrameGeometry, str, float]:
     if depth.confidence is not None and float(np.mean(depth.confidence > SURE)) < FEWEST_SURE:
         geometry, why = replace(geometry, mesher=MESHERS["grid"]), TOO_UNSURE
     return geometry, why, time.perf_counter() - began
+
+
+def _enlargement(geometry: FrameGeometry) -> float:
+    """Return the factor by which breathing enlarges a frame."""
+    settings, camera = geometry.settings, geometry.canvas.camera
+    if not settings.breathes:
+        return 1.0
+    focal, typical = settings.sensor * camera.fx / camera.width, geometry.clip.typical_depth
+    middle = 1 / typical if typical > 0 else 0.0
+    return enlargement(settings.aperture.breathing, focal, geometry.lens.axis, middle)
 
 
 def _beyond(geometry: FrameGeometry, steadier: Steadied) -> float:

@@ -19,8 +19,9 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
+from ..optics.aberrations import scattered
 from ..optics.aperture import RED_AND_BLUE, SUBSAMPLES, Aperture
-from ..optics.bokeh import barrel_share
+from ..optics.bokeh import barrel_share, matte_box_share
 from ..optics.thin_lens import ThinLens
 from ..warp.cg_layer import CGLayer
 from ..warp.clipped_blobs import brightest
@@ -28,7 +29,7 @@ from ..warp.layered_depth_image import LayeredDepthImage, inpainted
 from .highlight_surfaces import NEARER, Surfaces
 from .plan import FramePlan
 from .steadied import Steadied
-from .vignetting import barrel_shift, light_left
+from .vignetting import barrel_shift, light_left, matte_box_shift
 
 WHITE = 1.02
 """Linear light, relative to white, above which a pixel belongs to a highlight: resampling rings by less."""
@@ -43,6 +44,9 @@ RIM = 3
 """Pixels around a highlight that give light, too: the reach of optics and resampling."""
 FINEST = 8
 """Steps a pixel of the radii of discs: brightness is accurate to 0.8 % at 16 pixels."""
+BENT = 2
+"""Rays a pixel along a disc with aberrations, which are scattered bilinearly. Discs are smaller than the
+square that they are sampled on, so at least one falls on each of their pixels."""
 LEAST_RADIUS = 0.5
 """Least radius of a disc in pixels: a smaller one has no visible shape."""
 PARTS = 8
@@ -165,7 +169,7 @@ class HighlightDiscs:
                 for veil in veils:
                     part = part * veil[rows, columns, None]
                 total[rows, columns] += part
-        if plan.vignetting:
+        if plan.is_cut:
             total /= light_left(plan)[..., None]
         return total
 
@@ -180,14 +184,18 @@ class HighlightDiscs:
         seen_here = _as_seen(one, self.steadied) if self.steadied else one
         displacement = focal_plane.displacement(seen_here)
         radius = np.round(FINEST * displacement * pinhole.focal / pinhole.fx) / FINEST
-        kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
+        is_bent = plan.aberrations.is_active
+        if is_bent:
+            kernel = _bent_kernel(self.aperture, plan, radius, seen_here.place)
+        else:
+            kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
         reach = [n // 2 for n in kernel.shape]
         steps = before.steps(one.place, max(one.light.shape[:2]), one.displacement)
         # An occluder covers another part of the disc for each point of a highlight.
         light, corner = seen_here.parts(PARTS if len(steps) else 1)
         begin = corner - np.array(reach, np.int32)
         places = _middles(light) + corner[:, ::-1]
-        if plan.vignetting:
+        if plan.is_cut and not is_bent:
             kernels = (kernel * _within_barrel(plan, place, radius, reach) for place in places)
             parts = zip(np.split(light, len(light)), kernels, strict=True)
             discs = np.concatenate([_filtered(part, cut, reach) for part, cut in parts])
@@ -200,6 +208,9 @@ class HighlightDiscs:
         # A view at the share p of the aperture sees it at place - displacement p.
         seen: Floats = np.stack([column, row], axis=1) + begin[number, ::-1] + np.float64(0.5)
         ways: Floats = (places[number] - seen) / radius
+        if is_bent:
+            matrix = plan.reach * plan.aberrations.matrix(plan.field_places(seen_here.place))
+            ways = (places[number] - seen) @ np.linalg.inv(_invertible(np.diag(radius) - matrix)).T
         if self.steadied:
             ways = self.steadied.middle + self.steadied.aperture_share * ways
             # The frame's own layers occlude it at its position in the frame.
@@ -263,16 +274,45 @@ def _kernel(aperture: Aperture, across: float, down: float) -> Map:
     return np.asarray(cells / cells.sum(), np.float32)
 
 
+def _bent_kernel(aperture: Aperture, plan: FramePlan, radius: Floats, place: Floats) -> Map:
+    """Return `_kernel` of a plan's aberrations at a position (2,), within its barrel and matte box."""
+    largest = float(np.abs(radius).max()) + plan.reach * plan.aberrations.largest
+    size = 2 * (int(np.ceil(largest)) + 1) + 1
+    across = (np.arange(BENT * size) + 0.5) * 2 / (BENT * size) - 1
+    x, y = np.meshgrid(across, across)
+    light = aperture.light(x, y)
+    is_open = light > 0
+    p, light = np.column_stack([x[is_open], y[is_open]]), light[is_open]
+    bent = plan.reach * plan.aberrations.shift(p, plan.field_places(place)) - p * radius
+    passed = light * _passed(plan, p, place + bent, 0.5 / largest)
+    return np.asarray(scattered(bent, passed, size) / light.sum(), np.float32)
+
+
+def _invertible(matrix: Floats) -> Floats:
+    """Return a matrix (2, 2) with singular values of at least `LEAST_RADIUS`."""
+    left, values, right = np.linalg.svd(matrix)
+    return np.asarray(left * np.maximum(values, LEAST_RADIUS) @ right)
+
+
 def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[int]) -> Map:
-    """Return the (h, w) transmission of a plan's barrel around the centre of a disc at a position (2,)."""
-    shift, middle = barrel_shift(plan), plan.canvas.pinhole.principal_point
-    beside = [np.arange(-n, n + 1) for n in reach[::-1]]
-    x, y = (
-        shift * (here + step - centre) - step / r
-        for here, step, centre, r in zip(place, beside, middle, radius, strict=True)
-    )
-    # Its edge is a pixel wide.
-    return barrel_share(x[None, :], y[:, None], 0.5 / float(np.abs(radius).min())).astype(np.float32)
+    """Return the (h, w) transmission of barrel and matte box around a disc at a position (2,)."""
+    beside = np.stack(np.meshgrid(*(np.arange(-n, n + 1) for n in reach[::-1])), axis=-1)
+    # Their edges are a pixel wide.
+    edge = 0.5 / float(np.abs(radius).min())
+    return _passed(plan, -beside / radius, place + beside, edge).astype(np.float32)
+
+
+def _passed(plan: FramePlan, p: Floats, xy: Floats, edge: float) -> Floats:
+    """Return the transmission (...) of barrel and matte box from places p (..., 2) to pixels xy (..., 2)."""
+    away = xy - plan.canvas.pinhole.principal_point
+    passed: Floats = np.ones(p.shape[:-1])
+    if plan.vignetting:
+        at = p + barrel_shift(plan) * away
+        passed = barrel_share(at[..., 0], at[..., 1], edge)
+    if any(plan.matte_box):
+        at = p + matte_box_shift(plan) * away
+        passed = passed * matte_box_share(at[..., 0], at[..., 1], edge)
+    return passed
 
 
 @dataclass(frozen=True)

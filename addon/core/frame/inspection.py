@@ -94,7 +94,9 @@ def fewer_views(warped: WarpedFrame, most: int = SOURCE_VIEWS) -> WarpedFrame:
     if warped.method == "thesis":
         # Its positions are random and its registration is fitted, so any views suffice.
         offsets, registration = plan.offsets[:most], plan.registration[:most]
-    plan = replace(plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0)
+    plan = replace(
+        plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0, matte_box=(0.0, 0.0)
+    )
     return replace(warped, plan=plan)
 
 

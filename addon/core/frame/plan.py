@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..base.arrays import Floats
+from ..base.arrays import Floats, Map
 from ..base.options import option
 from ..camera.canvas import Canvas
 from ..focus.focus import Focus
+from ..optics.aberrations import NO_ABERRATIONS, Aberrations
 from ..optics.aperture import Aperture
 from ..optics.aperture_sampling import MOST_VIEWS
 from ..optics.thin_lens import ThinLens
@@ -83,6 +84,8 @@ class FrameOptions:
         least=0.0, most=4.0, soft_most=1.0, words={"off": 0.0}, precision=2,
     )  # fmt: skip
     aperture: Aperture = field(default_factory=Aperture)
+    sensor: float = 0.0
+    """Width of the sensor in scene units, by which the lens breathes; 0 if it is unknown."""
     highlights: HighlightSettings = RESTORED
     """Restoration of clipped light."""
     repairs: tuple[Repair, ...] = ()
@@ -91,6 +94,11 @@ class FrameOptions:
         NORMAL, "Quality", "Render time against quality", choices=QUALITIES, can_be_keyed=False
     )
     """Budget of the frame; a number of views overrides the quality's own."""
+
+    @property
+    def breathes(self) -> bool:
+        """Return whether the field of view changes with the focus."""
+        return bool(self.aperture.breathing and self.sensor)
 
     @property
     def zone(self) -> InFocusZone:
@@ -121,6 +129,45 @@ class FramePlan:
     """See `Aperture`."""
     axial_colour: float = 0.0
     """See `Aperture`."""
+    matte_box: tuple[float, float] = (0.0, 0.0)
+    """`Aperture.matte_box_sides` and `matte_box_top`."""
+    aberrations: Aberrations = NO_ABERRATIONS
+
+    @property
+    def is_cut(self) -> bool:
+        """Return whether the aperture is cut toward the border of the picture."""
+        return bool(self.vignetting or any(self.matte_box))
+
+    @property
+    def reach(self) -> float:
+        """Radius in pixels of the blur discs of infinitely far points on the axis."""
+        return float(self.lens.radius * self.canvas.pinhole.fx * self.lens.axis)
+
+    @property
+    def half_diagonal(self) -> float:
+        """Half of the picture's diagonal, in pixels."""
+        return float(np.hypot(self.canvas.pinhole.width, self.canvas.pinhole.height) / 2)
+
+    @property
+    def places(self) -> Floats:
+        """(N, 2) positions of the views on the aperture, in its radii."""
+        return self.lens.aperture_positions(self.offsets) / self.lens.radius
+
+    def field_places(self, xy: Floats) -> Floats:
+        """Return places (..., 2) in the picture of pixels (..., 2), in halves of its diagonal."""
+        return np.asarray((xy - self.canvas.pinhole.principal_point) / self.half_diagonal)
+
+    def discs(self, displacement: Map) -> Map:
+        """Return signed radii (h, w) in pixels of the blur discs of displacements (h, w), with aberrations.
+
+        The canvas lies in the middle of the raster.
+        """
+        if not self.aberrations.is_active:
+            return displacement
+        pinhole, (rows, columns) = self.canvas.pinhole, displacement.shape
+        left, top = (columns - pinhole.width) // 2, (rows - pinhole.height) // 2
+        x, y = np.meshgrid(np.arange(columns) + 0.5 - left, np.arange(rows) + 0.5 - top)
+        return self.aberrations.radius(displacement, self.field_places(np.dstack([x, y])), self.reach)
 
     @property
     def axial_shift(self) -> float:
@@ -131,4 +178,7 @@ class FramePlan:
         """Project vertices (V, 2) of inverse depths (V,) into the views (N, V, 2), after registration."""
         moved = xy - (self.canvas.pinhole.focal * self.offsets)[:, None, :] * inverse_depth[:, None]
         turned = np.einsum("nij,nvj->nvi", self.registration[:, :, :2], moved)
-        return np.asarray(turned + self.registration[:, None, :, 2])
+        seen = np.asarray(turned + self.registration[:, None, :, 2])
+        if not self.aberrations.is_active:
+            return seen
+        return seen + self.reach * self.aberrations.shift(self.places[:, None], self.field_places(seen))

@@ -82,13 +82,20 @@ class Steadied:
         return replace(mesh, xy=xy, inverse_depth=inverse_depth)
 
 
-def steadied(image: Image, own: Canvas, lens: ThinLens, path: SteadyPath) -> Steadied:
-    """Steady a frame of a pose, a canvas and a lens by the steadier path of the clip.
+def steadied(
+    image: Image, own: Canvas, lens: ThinLens, path: SteadyPath | None, enlarged: float = 1.0
+) -> Steadied:
+    """Steady a frame of a pose, a canvas and a lens by the steadier path of the clip, if any.
 
-    Raises UserError if the focal plane is not in front of the steadier camera.
+    `enlarged` is the ratio of the camera's focal length to the path's. Raises UserError if the focal plane is
+    not in front of the steadier camera.
     """
-    rotation, translation = path.seen_from(image)
-    canvas = Canvas(zoomed(own.camera, path.zoom))
+    if path is None:
+        rotation, translation, camera, strength = np.eye(3), np.zeros(3), own.camera, 0.0
+    else:
+        rotation, translation = path.seen_from(image)
+        camera, strength = zoomed(own.camera, path.zoom), path.strength
+    canvas = Canvas(replace(camera, fx=camera.fx * enlarged, fy=camera.fy * enlarged))
     # The focal plane is a . X = 1: inverse depth is a . ray, and a' . ray' in the other space.
     a = np.append(np.asarray(lens.slope) * own.pinhole.focal, lens.axis)
     there = rotation @ a
@@ -100,9 +107,9 @@ def steadied(image: Image, own: Canvas, lens: ThinLens, path: SteadyPath) -> Ste
         )
     across, down, inverse = there / ahead
     slope = float(across / canvas.pinhole.fx), float(down / canvas.pinhole.fy)
-    steadier = ThinLens.on_plane(canvas.pinhole, lens.radius, float(inverse), slope)
+    flat = ThinLens.on_plane(canvas.pinhole, lens.radius, float(inverse), slope)
     away = float(np.linalg.norm(translation[:2]))
     return Steadied(
-        canvas, replace(steadier, zone=lens.zone), own,
-        replace(lens, radius=lens.radius + away), rotation, translation, path.strength,
+        canvas, replace(flat.curved(lens.curvature), zone=lens.zone), own,
+        replace(lens, radius=lens.radius + away), rotation, translation, strength,
     )  # fmt: skip

@@ -53,7 +53,8 @@ def two_layers(clip: ClipContext, frame: int, options: FrameOptions, size: tuple
     """
     picture = clip.picture(frame, options.highlights)
     # Restored light stays in the picture: no discs are drawn here, and no steadier path.
-    plain = replace(options, method="layers", highlights=replace(options.highlights, gain=0.0), stabilize=0.0)
+    unlit = replace(options.highlights, gain=0.0)
+    plain = replace(options, method="layers", highlights=unlit, stabilize=0.0, sensor=0.0)
     meshed = mesh_frame(clip, frame, plain, size, picture)
     if meshed.why:
         raise UserError(f"frame {frame} cannot be exported in layers: {meshed.why}")

@@ -2,7 +2,8 @@
 
 A long barrel cuts the aperture away from the picture's centre. Light passes through the overlap of two discs,
 and blur discs towards the corners are cat's eyes (Ray, "Applied photographic optics", 2002, on mechanical
-vignetting). Brightness in focus is kept: the remaining light is normalised.
+vignetting). The straight edges of a matte box before the lens cut in the same way. Brightness in focus is
+kept: the remaining light is normalised.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Map
-from ..optics.bokeh import barrel_share
+from ..optics.bokeh import barrel_share, matte_box_share
 from .plan import FramePlan
 
 STEP = 16
@@ -34,7 +35,7 @@ def barrel_rows(plan: FramePlan) -> Floats:
     """
     across = plan.spread / np.sqrt(len(plan.offsets))
     rows = np.empty((len(plan.offsets), 5))
-    rows[:, :2] = plan.lens.aperture_positions(plan.offsets) / plan.lens.radius
+    rows[:, :2] = plan.places
     rows[:, 2] = barrel_shift(plan)
     rows[:, 3:] = across, 1 / (2 * across)
     return rows
@@ -44,6 +45,12 @@ def barrel_shift(plan: FramePlan) -> float:
     """Return the shift of the barrel's opening a pixel from the picture's centre, in aperture radii."""
     pinhole = plan.canvas.pinhole
     return float(plan.vignetting / (np.hypot(pinhole.width, pinhole.height) / 2))
+
+
+def matte_box_shift(plan: FramePlan) -> Floats:
+    """Return the shifts (2,) of a matte box's opening a pixel from the picture's centre, in radii."""
+    pinhole = plan.canvas.pinhole
+    return np.array(plan.matte_box) * 2 / [pinhole.width, pinhole.height]
 
 
 def light_left(plan: FramePlan) -> Map:
@@ -57,7 +64,11 @@ def light_left(plan: FramePlan) -> Map:
         for n, whole, centre in zip(size, (pinhole.width, pinhole.height), middle, strict=True)
     )
     total = np.zeros((size[1], size[0]))
+    sides, top = matte_box_shift(plan)
     for (a, b, c, d, _), share in zip(barrel_rows(plan), view_shares(plan), strict=True):
-        total += share * barrel_share(a + c * x[None, :], b + c * y[:, None], d)
+        passed = barrel_share(a + c * x[None, :], b + c * y[:, None], d) if plan.vignetting else 1.0
+        if any(plan.matte_box):
+            passed = passed * matte_box_share(a + sides * x[None, :], b + top * y[:, None], d)
+        total += share * passed
     left = cv2.resize((total / len(plan.offsets)).astype(np.float32), (pinhole.width, pinhole.height))
     return np.asarray(np.maximum(left, np.float32(LEAST_LEFT)), np.float32)

@@ -11,6 +11,7 @@ from ..base.arrays import Floats, LinearRGBA
 from ..base.errors import UserError
 from ..depth.source import NO_PICTURE, PixelDepth
 from ..depth.sparse import frame_features
+from ..optics.aberrations import Aberrations
 from ..optics.aperture_sampling import LEAST_PREFILTERED, MAX_VIEWS, MIN_VIEWS, views_needed
 from ..warp.footprint import prefilter
 from ..warp.layered_depth_image import LayeredDepthImage
@@ -106,18 +107,20 @@ class MeshedFrame:
             # Layers are displaced by the lens for which they were made.
             mesh, share = moved.mesh(mesh), moved.aperture_share
             geometry = replace(geometry, canvas=moved.canvas, lens=moved.lens)
-        views = mesher.views(geometry, count)
+        views, aperture = mesher.views(geometry, count), geometry.settings.aperture
+        plan = FramePlan(
+            geometry.frame, geometry.canvas, geometry.lens, mesh, views.offsets,
+            views.registration, geometry.samples.pose_interpolated, views.weights, views.spread,
+            aperture.vignetting, aperture.axial_colour, (aperture.matte_box_sides, aperture.matte_box_top),
+            Aberrations.of(aperture),
+        )  # fmt: skip
         if prefiltered and mesher.is_prefiltered:
             spread, of_layers = np.float32(views.spread), np.float32(share)
             texture = texture if reuse else texture.copy()
             prefilter(
-                texture, self.surface.layers, lambda d: spread * geometry.lens.footprint(of_layers * d, count)
-            )
-        plan = FramePlan(
-            geometry.frame, geometry.canvas, geometry.lens, mesh, views.offsets,
-            views.registration, geometry.samples.pose_interpolated, views.weights, views.spread,
-            geometry.settings.aperture.vignetting, geometry.settings.aperture.axial_colour,
-        )  # fmt: skip
+                texture, self.surface.layers,
+                lambda d: spread * geometry.lens.footprint(plan.discs(of_layers * d), count),
+            )  # fmt: skip
         return WarpedFrame(
             plan, texture, mesher.name, self.why, self.surface.is_whole, geometry.depth,
             self.surface.layers, self.depth_seconds, self.mesh_seconds + time.perf_counter() - began,
@@ -148,7 +151,8 @@ def drawn_size(settings: FrameOptions, size: tuple[int, int], has_cg: bool = Fal
 
     A quality may draw it smaller, with sharp pixels from the frame itself.
     """
-    can_be_small = MESHERS[settings.method].needs_pixel_depth and not settings.stabilize
+    is_moved = settings.stabilize or settings.breathes
+    can_be_small = MESHERS[settings.method].needs_pixel_depth and not is_moved
     return settings.quality.drawn_size(size, has_cg) if can_be_small else size
 
 
@@ -199,13 +203,18 @@ def frame_geometry(
     else:
         samples = frame_features(reconstruction, frame, canvas)
     lens = settings.focus.lens(reconstruction, frame, canvas.pinhole, settings.radius)
-    lens = replace(lens, zone=settings.zone)
+    lens = replace(lens.curved(settings.aperture.field_curvature), zone=settings.zone)
     if lens.is_tilted and not mesher.takes_tilt:
         raise UserError(
             f"the method {settings.method} does not support a tilted focal plane; choose another one"
         )
     if settings.zone.is_active and not mesher.takes_tilt:
         raise UserError(f"the method {settings.method} does not support an in-focus zone; choose another one")
+    bends = settings.aperture.field_curvature or settings.breathes
+    if bends and not mesher.takes_tilt:
+        raise UserError(
+            f"the method {settings.method} does not support field curvature or breathing; choose another one"
+        )
     if settings.stabilize and not mesher.takes_tilt:
         raise UserError(f"the method {settings.method} does not stabilize; choose another one")
     samples = replace(samples, inverse_depth=lens.rectified(samples.inverse_depth, samples.observed))

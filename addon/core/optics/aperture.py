@@ -32,6 +32,10 @@ MOST_LOST = 0.99
 MOST_AXIAL = 0.5
 """Largest share by which colours may focus apart: at 1, red and blue would be focused at infinity. Chosen by
 inspection."""
+MOST_BENT = 2.0
+"""Largest aberrations: discs in the corners are three times as long as wide. Chosen by inspection."""
+MOST_LATERAL = 0.05
+"""Largest share by which red and blue pictures are larger or smaller. Chosen by inspection."""
 RED_AND_BLUE = [0, 2]
 """Channels that `Aperture.axial_colour` focuses farther away: a lens that is corrected for two colours has
 its shortest focal length between them, in green."""
@@ -140,6 +144,67 @@ class Aperture:
     """Share of inverse depth by which red and blue focus farther away than green: the secondary spectrum of
     an achromat (Kingslake and Johnson, "Lens design fundamentals", 2010). Where green is sharp, their disc
     has this share of the disc of infinitely far points."""
+    swirl: float = option(
+        0.0, "Swirl",
+        "How much blur discs in the corners are stretched around the picture's middle behind the focus, and"
+        " squeezed in front of it, as a fraction of the blur at infinity. 0.5 is a Petzval lens",
+        least=-MOST_BENT, most=MOST_BENT, soft_least=0.0, soft_most=1.0,
+    )  # fmt: skip
+    """Share of inverse depth by which the sagittal focus in the corners is nearer than the tangential one:
+    astigmatism, which grows with the square of the distance from the picture's middle."""
+    field_curvature: float = option(
+        0.0, "Field Curvature",
+        "How much nearer the lens focuses in the corners than in the picture's middle, as a fraction of the"
+        " blur at infinity; below 0, farther away",
+        least=-MOST_BENT, most=MOST_BENT, soft_least=-0.5, soft_most=0.5,
+    )  # fmt: skip
+    """Share of inverse depth by which the corners focus nearer; it grows with the square of the distance from
+    the picture's middle."""
+    coma: float = option(
+        0.0, "Coma",
+        "Length of the comets that points in the corners become, as a fraction of the blur at infinity. Above"
+        " 0 they point to the picture's middle",
+        least=-MOST_BENT, most=MOST_BENT, soft_least=0.0, soft_most=0.3,
+    )  # fmt: skip
+    """Length of a comet in the picture's corners, in radii of the disc of infinitely far points; it grows
+    with the distance from the middle, and blurs the focal plane, too."""
+    anamorphic_focus: float = option(
+        0.0, "Anamorphic Focus",
+        "How much nearer the lens focuses across than upright, as a fraction of the blur at infinity: discs"
+        " are wider behind the focus and narrower in front of it",
+        least=-MOST_BENT, most=MOST_BENT, soft_least=-0.3, soft_most=0.3,
+    )  # fmt: skip
+    """Share of inverse depth by which the picture's width focuses nearer than its height: an anamorphic lens
+    has a cylinder for each."""
+    lateral_colour: float = option(
+        0.0, "Lateral Color",
+        "How much larger the red picture is than the green one, and the blue one smaller: colored edges"
+        " toward the border, also in focus. 0.001 is a pixel at a thousand from the middle",
+        least=-MOST_LATERAL, most=MOST_LATERAL, soft_least=-0.005, soft_most=0.005, precision=4,
+    )  # fmt: skip
+    """Share of the distance from the picture's middle by which red is farther away from it, and blue less."""
+    matte_box_sides: float = option(
+        0.0, "Matte Box Sides",
+        "How far a matte box's upright edges cut into blur discs at the left and right border, as a fraction"
+        " of their radius: they end in straight lines",
+        least=0.0, most=1.0, unit="FACTOR",
+    )  # fmt: skip
+    """By how much of the aperture's radius the edges of a square opening are shifted at the left and right
+    border; in between it is linear in the distance from the middle."""
+    matte_box_top: float = option(
+        0.0, "Matte Box Top",
+        "How far a matte box's level edges cut into blur discs at the upper and lower border, as a fraction"
+        " of their radius",
+        least=0.0, most=1.0, unit="FACTOR",
+    )  # fmt: skip
+    """As `matte_box_sides`, at the upper and lower border."""
+    breathing: float = option(
+        0.0, "Breathing",
+        "How much the field of view narrows as the focus comes nearer, by the distances of Scale: 1 is a"
+        " lens whose glass moves as a whole, 0.15 to 0.25 a cinema lens; below 0 it widens",
+        least=-1.0, most=1.0, soft_least=0.0,
+    )  # fmt: skip
+    """Share of a thin lens's change of its image distance: see `breathing.enlargement`."""
     image: ApertureImage | None = None
     """A picture in place of blades and roundness."""
 

@@ -5,12 +5,13 @@ Z - F(x, y) + const keeps pixels and occlusion, and makes the plane parallel to 
 q) on the aperture, with the tilted plane in register, is a view of the sheared scene from (p, q) / (1 - s),
 where s is the share of the way to the intersection of the focal plane with the lens's plane (the Scheimpflug
 line; `ThinLens.sheared_positions`). Renderers therefore know only planes parallel to the picture: they get
-inverse depths `rectified`, in which the in-focus zone is flat, too (`zone.py`).
+inverse depths `rectified`, in which the in-focus zone is flat, too (`zone.py`), and so is a curved field:
+that shear is not linear, but bends no view by more than the curvature's share of a blur disc.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,9 @@ class ThinLens:
     lift: float = 0.0
     """Added to inverse depths `rectified`, so that they are positive."""
     zone: InFocusZone = NO_ZONE
+    curvature: float = 0.0
+    """Share of the inverse depth on the axis by which the corners focus nearer: field curvature. It grows
+    with the square of the distance from the principal point."""
 
     @classmethod
     def on_plane(
@@ -84,24 +88,36 @@ class ThinLens:
     @property
     def is_plain(self) -> bool:
         """Return whether `rectified` changes nothing."""
-        return not (self.is_tilted or self.zone.is_active)
+        return self._is_flat and not self.zone.is_active
+
+    @property
+    def _is_flat(self) -> bool:
+        """Return whether one inverse depth is in focus all over the picture."""
+        return not (self.is_tilted or self.curvature)
+
+    def curved(self, curvature: float) -> ThinLens:
+        """Return the lens with a `curvature` of its field."""
+        if not curvature:
+            return self
+        more = LIFT**2 * self.axis * max(curvature, 0.0)
+        return replace(self, focus=self.focus + more, lift=self.lift + more, curvature=curvature)
 
     def rectified[T: np.floating](self, inverse_depth: NDArray[T], xy: Floats) -> NDArray[T] | Floats:
         """Return inverse depths (n,) at pixels (n, 2) with a frontal focal plane and a flat in-focus zone."""
-        if self.is_tilted:
-            return self._zoned(inverse_depth - self._tilt(xy[..., 0], xy[..., 1]))
-        return self._zoned(inverse_depth)
+        if self._is_flat:
+            return self._zoned(inverse_depth)
+        return self._zoned(inverse_depth - self._tilt(xy[..., 0], xy[..., 1]))
 
     def unrectified(self, inverse_depth: Floats, xy: Floats) -> Floats:
         """Return inverse depths (n,) at pixels (n, 2) of the scene: the inverse of `rectified`."""
         if self.zone.is_active:
             contrast = self.zone.expanded(np.asarray(inverse_depth) - self.focus, self.axis)
             inverse_depth = np.asarray(self.focus + contrast)
-        return inverse_depth + self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
+        return inverse_depth if self._is_flat else inverse_depth + self._tilt(xy[..., 0], xy[..., 1])
 
     def rectified_raster[T: np.floating](self, inverse_depth: NDArray[T]) -> NDArray[T] | Floats:
         """Return inverse depths (H + 2 m, W + 2 m) of a picture and m pixels around it, `rectified`."""
-        if not self.is_tilted:
+        if self._is_flat:
             return self._zoned(inverse_depth)
         rows, columns = inverse_depth.shape
         top, left = (rows - self.pinhole.height) // 2, (columns - self.pinhole.width) // 2
@@ -121,9 +137,13 @@ class ThinLens:
         return np.asarray(self.focus + self.zone.compressed(contrast, self.axis))
 
     def _tilt(self, x: Floats, y: Floats) -> Floats:
-        """Inverse depth of the focal plane at pixels of any shape, less `focus`."""
-        centre = self.pinhole.principal_point
-        return np.asarray(self.slope[0] * (x - centre[0]) + self.slope[1] * (y - centre[1]) - self.lift)
+        """Inverse depth in focus at pixels of any shape, less `focus`."""
+        across, down = (at - centre for at, centre in zip((x, y), self.pinhole.principal_point, strict=True))
+        plane = self.slope[0] * across + self.slope[1] * down - self.lift
+        if not self.curvature:
+            return np.asarray(plane)
+        far = (across**2 + down**2) / (self._diagonal / 2) ** 2
+        return np.asarray(plane + self.curvature * self.axis * far)
 
     def sheared_positions(self, positions: Floats) -> Floats:
         """Return positions (N, 2), in scene units, for views of the sheared scene.

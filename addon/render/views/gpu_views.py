@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from ...core.base.arrays import LinearRGBA
 from ...core.base.errors import UserError
 from ...core.frame.plan import FramePlan
-from ...core.frame.vignetting import barrel_rows, view_shares
+from ...core.frame.vignetting import barrel_rows, matte_box_shift, view_shares
+from ...core.optics.aberrations import COMA_LENGTH
 from ...scene.gpu.main_thread import Steps, draw, leave_shader
 from .quiet import quiet
 
@@ -31,6 +32,13 @@ void main()
 {
     vec2 seen = vec2(dot(row_x.xy, xy), dot(row_y.xy, xy)) + vec2(row_x.z, row_y.z)
         - vec2(row_x.w, row_y.w) * contrast;
+    if (bend.zw != vec2(0.0)) {
+        /* Aberrations, as `core.optics.aberrations` has them. */
+        vec2 from = seen - middle;
+        float along = dot(bend.xy, from);
+        seen += bend.z * (dot(from, from) * bend.xy - along * from)
+            + bend.w * (2.0 * along * bend.xy + dot(bend.xy, bend.xy) * from);
+    }
     vec2 ndc = 2.0 * seen / size - 1.0;
     place = texture_xy;
     /* Pixels count from the top, the framebuffer from the bottom. Nearer vertices win. */
@@ -75,13 +83,18 @@ void main()
 {
     vec2 place = gl_FragCoord.xy * vec2(1.0, -1.0) - middle.xy;
     float light = clamp(middle.w * (1.0 + middle.z - length(barrel.xy + barrel.z * place)), 0.0, 1.0);
+    if (matte_box != vec2(0.0)) {
+        vec2 cut = clamp(middle.w * (1.0 + middle.z - abs(barrel.xy + matte_box * place)), 0.0, 1.0);
+        light = (barrel.z > 0.0 ? light : 1.0) * cut.x * cut.y;
+    }
     vec4 seen = texelFetch(view, ivec2(gl_FragCoord.xy), 0);
     if (axial != vec2(0.0)) {
         /* With another focal plane in register the view is moved. It stays as opaque as green is. */
         vec4 other = moved(gl_FragCoord.xy + axial);
         seen.rb = other.a > 0.01 ? other.rb * (seen.a / other.a) : seen.rb;
     }
-    colour = (barrel.z > 0.0 ? light * barrel.w : barrel.w) * seen;
+    bool is_cut = barrel.z > 0.0 || matte_box != vec2(0.0);
+    colour = (is_cut ? light * barrel.w : barrel.w) * seen;
 }
 """
 SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
@@ -149,7 +162,9 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
     view = gpu.types.GPUShaderCreateInfo()
     for name in ("row_x", "row_y"):
         view.push_constant("VEC4", name)
-    view.push_constant("VEC2", "size")
+    view.push_constant("VEC4", "bend")
+    for name in ("size", "middle"):
+        view.push_constant("VEC2", name)
     view.sampler(0, "FLOAT_2D", "picture")
     view.vertex_in(0, "VEC2", "xy")
     view.vertex_in(1, "VEC2", "texture_xy")
@@ -163,7 +178,8 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
     add = gpu.types.GPUShaderCreateInfo()
     for name in ("barrel", "middle"):
         add.push_constant("VEC4", name)
-    add.push_constant("VEC2", "axial")
+    for name in ("axial", "matte_box"):
+        add.push_constant("VEC2", name)
     add.sampler(0, "FLOAT_2D", "view")
     add.vertex_in(0, "VEC2", "xy")
     add.fragment_out(0, "VEC4", "colour")
@@ -221,10 +237,12 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
     screen = batch_for_shader(sum_shader, "TRIS", {"xy": SCREEN})
     total.clear(format="FLOAT", value=(0.0, 0.0, 0.0, 0.0))
     # From the framebuffer's bottom left, with y up, to pixels from the picture's middle with y down.
-    middle = plan.canvas.pinhole.principal_point - np.array([0, height])
-    for n, (rows, barrel, share, axial) in enumerate(
-        zip(view_rows(plan), barrel_rows(plan), view_shares(plan), axial_rows(plan), strict=True)
-    ):
+    principal = plan.canvas.pinhole.principal_point
+    middle, matte_box = principal - np.array([0, height]), matte_box_shift(plan)
+    coefficients = zip(
+        view_rows(plan), barrel_rows(plan), view_shares(plan), axial_rows(plan), bend_rows(plan), strict=True
+    )
+    for n, (rows, barrel, share, axial, bend) in enumerate(coefficients):
         yield n
         view_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(view,))
         sum_target = gpu.types.GPUFrameBuffer(color_slots=(total,))
@@ -238,6 +256,8 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
             view_shader.uniform_float("row_x", rows[0].tolist())
             view_shader.uniform_float("row_y", rows[1].tolist())
             view_shader.uniform_float("size", (width, height))
+            view_shader.uniform_float("middle", principal.tolist())
+            view_shader.uniform_float("bend", bend.tolist())
             view_shader.uniform_sampler("picture", source)
             mesh.draw(view_shader)
         with sum_target.bind():
@@ -249,6 +269,7 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
             sum_shader.uniform_float("barrel", [*barrel[:3].tolist(), float(share)])
             sum_shader.uniform_float("middle", [*middle.tolist(), *barrel[3:].tolist()])
             sum_shader.uniform_float("axial", axial.tolist())
+            sum_shader.uniform_float("matte_box", matte_box.tolist())
             sum_shader.uniform_sampler("view", view)
             screen.draw(sum_shader)
             if n % SYNC == SYNC - 1:
@@ -289,7 +310,20 @@ def view_rows(plan: FramePlan) -> NDArray[np.float32]:
     rows = np.concatenate([plan.registration, turned[:, :, None]], axis=2)
     rows[:, :, 2] -= turned * plan.lens.focus
     rows[:, :, 3] *= _largest_contrast(plan)
+    if sideways := plan.aberrations.anamorphic_focus:
+        rows[:, 0, 2] += plan.reach * sideways * plan.places[:, 0]
     return rows.astype(np.float32)
+
+
+def bend_rows(plan: FramePlan) -> NDArray[np.float32]:
+    """Return coefficients (N, 4) of each view's aberrations.
+
+    They are its place x, y on the aperture, and the factors of swirl and coma by pixels from the middle.
+    """
+    swirl = plan.aberrations.swirl / plan.half_diagonal**2
+    coma = plan.aberrations.coma / COMA_LENGTH / plan.half_diagonal
+    factors = plan.reach * np.array([swirl, coma])
+    return np.column_stack([plan.places, np.tile(factors, (len(plan.offsets), 1))]).astype(np.float32)
 
 
 def axial_rows(plan: FramePlan) -> NDArray[np.float32]:

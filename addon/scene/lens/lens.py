@@ -26,6 +26,7 @@ from ..base.timeline import clip_frame
 from ..sources.shot import IDENTITY, reconstruction_of
 from . import blender_focus
 from .repairs import repairs_of
+from .scale import scale, sensor_millimetres
 
 BLUR_DIGITS = 4
 """Decimals that the field of the blur shows."""
@@ -97,11 +98,18 @@ def focal_of(settings: bpy.types.PropertyGroup) -> Focal | None:
 def frame_options(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> FrameOptions:
     """Return the lens that the settings describe; UserError where they mean nothing."""
     blender_focus.check(settings)
+    aperture = settings.shape.aperture
     return FrameOptions(
-        focus_of(settings), radius_of(settings, reconstruction), aperture=settings.shape.aperture,
-        repairs=repairs_of(settings),
+        focus_of(settings), radius_of(settings, reconstruction), aperture=aperture,
+        sensor=_sensor(settings) if aperture.breathing else 0.0, repairs=repairs_of(settings),
         **frame_values(values_of(settings, FRAME_OPTIONS)),
     )  # fmt: skip
+
+
+def _sensor(settings: bpy.types.PropertyGroup) -> float:
+    """Return the width of the sensor in scene units; 0 without a scale."""
+    metres = scale(settings)
+    return sensor_millimetres(settings) / 1000 / metres if metres > 0 else 0.0
 
 
 def radius_of(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> float:

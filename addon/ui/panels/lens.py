@@ -100,6 +100,22 @@ class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801
             layout.prop(shape, name, text=short.get(name))
 
 
+class VIRTUAL_APERTURE_PT_aberrations(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Aberrations"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_lens"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        shape = context.scene.virtual_aperture.shape
+        layout = split(self.layout, with_keys=True)
+        # Whole names are cut off in a sidebar of the default width.
+        short = {"anamorphic_focus": "Anamorphic", "matte_box_sides": "Matte Box", "matte_box_top": "Top"}
+        for name in (
+            "breathing", "swirl", "field_curvature", "coma", "anamorphic_focus", "lateral_colour",
+            "matte_box_sides", "matte_box_top",
+        ):  # fmt: skip
+            layout.prop(shape, name, text=short.get(name))
+
+
 class VIRTUAL_APERTURE_PT_highlights(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_label = "Highlights"
     bl_parent_id = "VIRTUAL_APERTURE_PT_lens"
@@ -118,5 +134,6 @@ CLASSES = (
     VIRTUAL_APERTURE_PT_lens,
     VIRTUAL_APERTURE_PT_scale,
     VIRTUAL_APERTURE_PT_shape,
+    VIRTUAL_APERTURE_PT_aberrations,
     VIRTUAL_APERTURE_PT_highlights,
 )

@@ -13,6 +13,14 @@ shape.apodisation = 0.0
 shape.spherical_aberration = 0.0
 shape.vignetting = 0.0
 shape.axial_colour = 0.0
+shape.swirl = 0.0
+shape.field_curvature = 0.0
+shape.coma = 0.0
+shape.anamorphic_focus = 0.0
+shape.lateral_colour = 0.0
+shape.matte_box_sides = 0.0
+shape.matte_box_top = 0.0
+shape.breathing = 0.0
 shape.image = ""
 settings.highlights = 1.0
 # Beyond all distances, focused at 10 m: f^2 / (N (s - f)) of a full frame's 36 mm.
