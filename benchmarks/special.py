@@ -27,6 +27,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "focus_distances": ("benchmarks.gallery", "distance of followed subjects of real clips (real data)"),
     "grain": (ACCURACY, "noise given back where blur took it; --clip FILE: what is measured of a clip"),
     "highlight_radiance": (ACCURACY, "how bright clipped lamps are found to be"),
+    "lens": (ACCURACY, "effects of the lens against 4,096 views; --page: a frame under ten lenses"),
     "known_cameras": (ACCURACY, "cameras without points, from a Blender camera, beside a solve"),
     "lamps": (ACCURACY, "bulbs, a street at night and paper lanterns, clean and coded"),
     "real_lamps": (ACCURACY, "light and discs of a real clip's lamps (real data)"),
