@@ -201,7 +201,7 @@ class Aperture:
     breathing: float = option(
         0.0, "Breathing",
         "How much the field of view narrows as the focus comes nearer, by the distances of Scale: 1 is a"
-        " lens whose glass moves as a whole, 0.15 to 0.25 a cinema lens; below 0 it widens",
+        " lens that moves all of its glass, 0.15 to 0.25 a cinema lens; below 0 it widens",
         least=-1.0, most=1.0, soft_least=0.0,
     )  # fmt: skip
     """Share of a thin lens's change of its image distance: see `breathing.enlargement`."""
