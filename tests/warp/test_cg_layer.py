@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from addon.core.base.arrays import Floats, Map
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.frame.cg_layers import CGObjects, CGSurface, joined
 from addon.core.optics.thin_lens import ThinLens
@@ -75,6 +76,18 @@ def test_in_focus_it_is_as_cycles_drew_it() -> None:
     place = np.round(mesh.texture_xy[0] - mesh.xy[0]).astype(int) + made.corner
     rows, columns = slice(place[1], place[1] + 10), slice(place[0], place[0] + 15)
     assert np.array_equal(texture[rows, columns], made.picture)
+
+
+def test_aberrations_widen_its_blur_by_place() -> None:
+    made, seen = layer(), list[Floats]()
+
+    def twice(displacement: Map, xy: Floats) -> Map:
+        seen.append(xy[0, 0])
+        return 2 * displacement
+
+    lens, wider = (ThinLens(PINHOLE, radius, FOCUS) for radius in (0.2, 0.4))
+    np.testing.assert_array_equal(made.surface(lens, 9, 1.0, twice)[1], made.surface(wider, 9, 1.0)[1])
+    assert np.array_equal(seen[0], np.array(made.corner) + 0.5) and (seen[1] < seen[0]).all()
 
 
 def test_on_another_raster_and_at_another_size_it_is_at_the_same_place() -> None:

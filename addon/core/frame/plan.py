@@ -157,17 +157,18 @@ class FramePlan:
         """Return places (..., 2) in the picture of pixels (..., 2), in halves of its diagonal."""
         return np.asarray((xy - self.canvas.pinhole.principal_point) / self.half_diagonal)
 
-    def discs(self, displacement: Map) -> Map:
+    def discs(self, displacement: Map, xy: Floats | None = None) -> Map:
         """Return signed radii (h, w) in pixels of the blur discs of displacements (h, w), with aberrations.
 
-        The canvas lies in the middle of the raster.
+        Their places are the pixels xy (h, w, 2), or else those of a raster with the canvas in its middle.
         """
         if not self.aberrations.is_active:
             return displacement
-        pinhole, (rows, columns) = self.canvas.pinhole, displacement.shape
-        left, top = (columns - pinhole.width) // 2, (rows - pinhole.height) // 2
-        x, y = np.meshgrid(np.arange(columns) + 0.5 - left, np.arange(rows) + 0.5 - top)
-        return self.aberrations.radius(displacement, self.field_places(np.dstack([x, y])), self.reach)
+        if xy is None:
+            pinhole, (rows, columns) = self.canvas.pinhole, displacement.shape
+            left, top = (columns - pinhole.width) // 2, (rows - pinhole.height) // 2
+            xy = np.dstack(np.meshgrid(np.arange(columns) + 0.5 - left, np.arange(rows) + 0.5 - top))
+        return self.aberrations.radius(displacement, self.field_places(xy), self.reach)
 
     @property
     def axial_shift(self) -> float:

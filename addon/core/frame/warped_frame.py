@@ -124,15 +124,17 @@ class MeshedFrame:
         return WarpedFrame(
             plan, texture, mesher.name, self.why, self.surface.is_whole, geometry.depth,
             self.surface.layers, self.depth_seconds, self.mesh_seconds + time.perf_counter() - began,
-            geometry.highlight_discs, moved, self._cg_surfaces(count, views.spread), geometry.own_lens,
+            geometry.highlight_discs, moved, self._cg_surfaces(count, plan), geometry.own_lens,
         )  # fmt: skip
 
-    def _cg_surfaces(self, count: int, spread: float) -> tuple[CGSurface, ...]:
-        """Prepare CG objects for a number of views, whose open aperture is `spread` of its radius."""
+    def _cg_surfaces(self, count: int, plan: FramePlan) -> tuple[CGSurface, ...]:
+        """Prepare CG objects for a number of views of a plan."""
         lens, moved = self.geometry.lens, self.geometry.steadied
         if moved is not None:
             lens = replace(lens, radius=moved.lens.radius)
-        made = [(each, *each.surface(lens, count, spread)) for each in self.geometry.cg.layers]
+        made = [
+            (each, *each.surface(lens, count, plan.spread, plan.discs)) for each in self.geometry.cg.layers
+        ]
         focus = self.geometry.lens.focus if moved is None else moved.lens.focus
         found = []
         for one, mesh, picture in made:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -20,6 +21,14 @@ SOLID = 0.5
 """Least alpha of a pixel with a reliable depth."""
 STEP = 2
 """Pixels between vertices of the mesh. Chosen by inspection: round outlines stay round."""
+
+Discs = Callable[[Map, Floats], Map]
+"""Returns radii (h, w) in pixels of the blur discs of displacements (h, w) at pixels (h, w, 2)."""
+
+
+def as_displaced(displacement: Map, _xy: Floats) -> Map:
+    """Return the displacements: a lens without aberrations."""
+    return displacement
 
 
 @dataclass(frozen=True)
@@ -115,20 +124,24 @@ class CGLayer:
         rectified = np.asarray(lens.rectified(self.inverse_depth, self.places()), np.float64)
         return lens.largest_disc(rectified[self.picture[..., 3] > FAINT])
 
-    def surface(self, lens: ThinLens, views: int, spread: float) -> tuple[WarpMesh, LinearRGBA]:
+    def surface(
+        self, lens: ThinLens, views: int, spread: float, discs: Discs = as_displaced
+    ) -> tuple[WarpMesh, LinearRGBA]:
         """Return the mesh and its texture (h, w, 4), prefiltered for a number of views through a lens.
 
         Both reach past the picture as far as the filter does. `spread` is the open part of the aperture, in
         shares of its radius.
         """
         widest = (
-            0.0 if self.is_sharp else spread * float(lens.footprint(self.displacement(lens), views).max())
+            0.0
+            if self.is_sharp
+            else spread * float(lens.footprint(discs(self.displacement(lens), self.places()), views).max())
         )
         wide = self._padded(int(np.ceil(widest)) + 2)
         away = wide.displacement(lens)
         texture = wide.picture.copy()
         if not self.is_sharp:
-            prefilter_alone(texture, np.float32(spread) * lens.footprint(away, views))
+            prefilter_alone(texture, np.float32(spread) * lens.footprint(discs(away, wide.places()), views))
         texture[texture[..., 3] < FAINT] = 0
         inverse = lens.focus + lens.snap_displacement(away).astype(np.float64) / lens.disparity_scale
         rows, columns = (range(0, n, STEP) for n in inverse.shape)
