@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
+import bpy
 import cv2
 import numpy as np
 import pytest
@@ -21,14 +23,19 @@ from addon.core.frame.highlights import RESTORED, HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import MeshedFrame
 from addon.core.media.light import encode_srgb
+from addon.core.media.picture_file import read_picture
 from addon.core.optics.aberrations import Aberrations
 from addon.core.optics.aperture import Aperture
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.breathing import LEAST_ENLARGED, MOST_ENLARGED, enlargement
+from addon.render.viewport.preview import FINE, Wanted, make_picture
 from addon.render.views.average import draw_mean, render_frame
 from addon.render.views.gpu_views import bend_rows, gpu_problem
+from addon.scene.build import build
+from addon.scene.lens.lens import frame_options, set_focus
+from addon.scene.sources.shot import shot_of
 
-from ..scenes import psnr, slanted_plane, texture
+from ..scenes import psnr, slanted_plane, slanted_shot, texture
 
 needs_gpu = pytest.mark.skipif(bool(gpu_problem()), reason="only CI is sure to have a GPU driver")
 SIZE = (240, 136)
@@ -94,6 +101,10 @@ def boxed_barrel(px: Floats, py: Floats, hx: Floats, hy: Floats) -> Floats:
     return boxed(px, py, hx, hy) * (np.hypot(px + 0.5 * hx, py + 0.5 * hy) < 1)
 
 
+ALL = {
+    "swirl": 0.4, "field_curvature": 0.2, "coma": 0.2, "anamorphic_focus": 0.1, "lateral_colour": 0.002,
+    "matte_box_sides": 0.4, "matte_box_top": 0.2, "breathing": 1.0,
+}  # fmt: skip
 BOX = Aperture(matte_box_sides=0.8, matte_box_top=0.3)
 EFFECTS: dict[str, tuple[Aperture, Shift, Passes]] = {
     "swirl": (Aperture(swirl=0.5), swirl, whole),
@@ -289,3 +300,30 @@ def test_methods_without_depth_refuse_what_they_cannot_draw(aperture: Aperture) 
     lens = FrameOptions(Focus(points=(0, 1)), 0.1, method="thesis", aperture=aperture, sensor=1.0)
     with pytest.raises(UserError, match="the method thesis does not support field curvature or breathing"):
         mesh_frame(clip, 2, lens, SIZE, source(0.0))
+
+
+@needs_gpu
+def test_f12_and_the_preview_draw_all_effects_as_the_command_line(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    made = slanted_shot(tmp_path, LENS)
+    settings = build(scene, made.footage, made.reconstruction)
+    set_focus(settings, Focus(distance=6.0), 2)
+    settings.blur, settings.views, settings.grain = 0.06, 24, 0.0
+    for name, value in ALL.items():
+        setattr(settings.shape, name, value)
+    shot = shot_of(scene)
+    options = frame_options(settings, shot.reconstruction)
+    assert options.breathes and Aberrations.of(options.aperture).is_active
+    drawn = render_frame(shot.context, 2, options, SIZE, lambda note: None)
+    fine = make_picture(Wanted(shot, 2, options, SIZE), FINE)
+    np.testing.assert_array_equal(fine.linear, drawn.astype(np.float16))
+    scene.frame_set(2)
+    image = scene.render.image_settings
+    image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGBA", "32"
+    scene.render.filepath = str(tmp_path / "f12.exr")
+    bpy.ops.render.render(write_still=True)
+    # Blender stores it without alpha's factor in between.
+    np.testing.assert_allclose(read_picture(tmp_path / "f12.exr"), drawn, rtol=1e-6)
+    plain = render_frame(shot.context, 2, replace(options, aperture=Aperture()), SIZE, lambda note: None)
+    assert np.abs(plain - drawn).max() > 0.1

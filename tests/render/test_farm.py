@@ -218,7 +218,9 @@ def test_a_lens_with_everything_gives_the_same_frames_wherever_it_is_sent(tmp_pa
     lens = (
         "--focus-at", "0.3,0.5@2", "--focus-at", "0.7,0.4@5", "--blur", "0.06", "--tilt", "4",
         "--swing=-1e-05", "--quality", "draft", "--highlights", "2", "--highlight-threshold", "0.9",
-        "--aperture", "ratio=1.5", "rotation=15", f"image={tmp_path / 'iris.png'}", "--seed", "3",
+        "--aperture", "ratio=1.5", "rotation=15", "swirl=0.4", "coma=0.2", "field_curvature=0.2",
+        "anamorphic_focus=0.1", "lateral_colour=0.002", "matte_box_sides=0.4", "breathing=1",
+        f"image={tmp_path / 'iris.png'}", "--seed", "3",
         "--mask", tmp_path / "masks", "--depth", tmp_path / "depth", "--borrow", "off",
     )  # fmt: skip
     done("render", mine, *lens, *whole, "--out", tmp_path / "one" / "####.png")
