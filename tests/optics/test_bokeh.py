@@ -97,3 +97,28 @@ def test_colors_that_focus_farther_away_have_smaller_discs_of_the_same_light(vig
 def test_the_barrel_lets_half_through_at_its_rim() -> None:
     x = np.array([0.0, 0.8, 1.0, 1.2])
     assert barrel_share(x, np.zeros(4), 0.1) == pytest.approx([1, 1, 0.5, 0])
+
+
+def test_swirl_stretches_discs_around_the_middle_and_curvature_all_of_them() -> None:
+    for aperture, across, along in (
+        (Aperture(swirl=0.5), 1.5, 1.0),
+        (Aperture(field_curvature=0.5), 1.5, 1.5),
+        (Aperture(swirl=0.5, field_curvature=-0.25), 1.25, 0.75),
+    ):
+        light = bokeh_picture(aperture, 3 * SIZE)[..., 1]
+        middle, corner = light[SIZE : 2 * SIZE, SIZE : 2 * SIZE], light[:SIZE, 2 * SIZE :]
+        row, column = np.mgrid[:SIZE, :SIZE] - (SIZE - 1) / 2
+        own = np.sqrt((middle * row**2).sum() / middle.sum())
+        # In the upper right corner, away from the middle is right and up.
+        for wanted, axis in ((along, column - row), (across, column + row)):
+            spread = np.sqrt((corner * axis**2).sum() / corner.sum() / 2)
+            assert spread == pytest.approx(wanted * own, rel=0.02)
+
+
+def test_a_matte_box_cuts_the_discs_of_its_sides_straight() -> None:
+    light = bokeh_picture(Aperture(matte_box_sides=0.5), 3 * SIZE)[..., 1]
+    left, middle, right = (light[SIZE : 2 * SIZE, n * SIZE : (n + 1) * SIZE] for n in range(3))
+    radius = np.flatnonzero(middle.any(axis=0)).size / 2
+    assert np.flatnonzero(right.any(axis=0)).max() == pytest.approx(SIZE / 2 + radius / 2, abs=2)
+    assert np.flatnonzero(left.any(axis=0)).min() == pytest.approx(SIZE / 2 - radius / 2, abs=2)
+    assert np.array_equal(light[:SIZE, SIZE : 2 * SIZE], middle)
