@@ -1,4 +1,4 @@
-"""The geometry of a tilted focal plane."""
+"""The geometry of a tilted focal plane and of a curved field."""
 
 from __future__ import annotations
 
@@ -112,3 +112,23 @@ def test_a_blur_is_measured_from_the_tilted_plane() -> None:
     lens = focus.lens(clip(), 1, LENS, radius)
     discs = lens.blur_disc(lens.rectified(1 / XYZ[:, 2], LENS.project(XYZ)))
     assert -np.percentile(discs, 2) / LENS.width == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.2])
+@pytest.mark.parametrize("curvature", [0.4, -0.4])
+def test_a_curved_field_focuses_nearer_with_the_square_of_the_radius(curvature: float, tilt: float) -> None:
+    flat = lens_of(Focus(distance=5.0, tilt=tilt))
+    lens = flat.curved(curvature)
+    assert lens.axis == pytest.approx(1 / 5) and not lens.is_plain and flat.curved(0.0) is flat
+    half = np.hypot(LENS.width, LENS.height) / 2
+    places = LENS.principal_point + half * np.array([[0.0, 0.0], [0.5, 0.0], [0.0, -0.5], [0.6, 0.8]])
+    in_focus = lens.unrectified(np.full(4, lens.focus), places)
+    plane = flat.unrectified(np.full(4, flat.focus), places)
+    np.testing.assert_allclose(in_focus - plane, np.array([0, 0.25, 0.25, 1]) * curvature / 5, atol=1e-12)
+    inverse = np.array([0.0, 0.3, 0.1, 0.5])
+    rectified = lens.rectified(inverse, places)
+    assert (rectified >= 0).all()
+    np.testing.assert_allclose(lens.unrectified(rectified, places), inverse, atol=1e-12)
+    pixels = np.stack(np.meshgrid(np.arange(LENS.width) + 0.5, np.arange(LENS.height) + 0.5), axis=-1)
+    raster = np.full(pixels.shape[:2], 0.3)
+    np.testing.assert_allclose(lens.rectified_raster(raster), lens.rectified(raster, pixels))
