@@ -4,7 +4,7 @@ A frame of the sample clip is drawn by the product, with its own number of views
 each of 4,096 plain views is drawn alone, without a prefilter and with its lamps as pixels, is warped as a
 picture and weighted, and all are averaged. So the reference has neither the shader's polynomials nor the
 lamps' discs, and its formulas are written in another form, by directions. With `--page` the frame is drawn
-under ten presets of lenses, for docs/lens.md.
+under ten presets of lenses, and crops of it under each effect, for docs/lens.md.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from . import metrics
 
 CLIP = store.ROOT / "sample_scenes" / "desk.mp4"
 PRESETS = store.ROOT / "addon" / "presets" / "virtual_aperture" / "lens"
-PAGE = store.ROOT / "docs" / "lenses.jpg"
+PAGE, CROPS = (store.ROOT / "docs" / f"{name}.jpg" for name in ("lenses", "aberrations"))
 FRAME, BLUR = 18, 0.05
 SIZE = 480, 270
 """Pixels at which it is judged: 4,096 views of the clip's own 640x360 take twelve minutes."""
@@ -59,6 +59,9 @@ SENSOR = 1.0
 """Width of the sensor in scene units: with it the focus breathes by some per cent."""
 COLUMNS, SCALE, LINE, DISCS = 2, 0.75, 20, 112
 """Pictures beside each other on the page, their size, pixels of a name, and of the discs in a corner."""
+
+CROP, PLACES, ENLARGED = (90, 150), ((470, 250), (480, 0)), 2
+"""Height and width of a crop, its first column and row for a book and for lamps, and their enlargement."""
 
 Bend = Callable[[float, float, Floats, Floats], tuple[Floats, Floats]]
 """The shift of the ray from (px, py), in aperture radii, at (hx, hy), in half-diagonals, in shares of the
@@ -162,11 +165,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--views", type=int, default=COUNT, help="of the reference")
     parser.add_argument("--only", nargs="*", default=list(EFFECTS), metavar="EFFECT", help="a part of them")
-    parser.add_argument("--page", action="store_true", help="draw the page of ten lenses instead")
+    parser.add_argument("--page", action="store_true", help="draw the pictures of docs/lens.md instead")
     arguments = parser.parse_args()
     clip, size = sample()
     if arguments.page:
         page(clip, size)
+        crops(clip, size)
         return
     lens = options(clip, Aperture())
     plain, spent = timed(clip, lens, SIZE)
@@ -328,7 +332,7 @@ def shown(picture: LinearRGBA) -> NDArray[np.uint8]:
     return np.asarray(np.rint(255 * encode_srgb(np.clip(picture[..., :3], 0, 1))), np.uint8)
 
 
-def page(clip: ClipContext, size: tuple[int, int], out: Path = PAGE) -> None:
+def page(clip: ClipContext, size: tuple[int, int]) -> None:
     """Draw the frame under the presets of lenses, all with one amount of blur, and write the page."""
     made = []
     for file in sorted(PRESETS.glob("[0-9]*.py"), key=lambda file: file.stem):
@@ -336,12 +340,36 @@ def page(clip: ClipContext, size: tuple[int, int], out: Path = PAGE) -> None:
         lens = replace(options(clip, aperture), sensor=0.0)
         picture = render_frame(clip, FRAME, lens, size, lambda note: None)
         small = cv2.resize(shown(picture), None, fx=SCALE, fy=SCALE, interpolation=cv2.INTER_AREA)
-        name = file.stem.replace("_slash_", "/").replace("_", " ")
-        small[-LINE:] = small[-LINE:] // 4
+        named(small, file.stem.replace("_slash_", "/").replace("_", " "))
         small[-LINE - DISCS : -LINE, -DISCS:] = np.rint(255 * encode_srgb(bokeh_picture(aperture, DISCS)))
-        at = 8, small.shape[0] - LINE // 4
-        cv2.putText(small, name, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
         made.append(small)
-    rows = [np.hstack(made[n : n + COLUMNS]) for n in range(0, len(made), COLUMNS)]
+    write_rows(made, COLUMNS, PAGE)
+
+
+def crops(clip: ClipContext, size: tuple[int, int]) -> None:
+    """Draw two places of the frame under each effect alone, and write them side by side."""
+    made = []
+    for name in list(EFFECTS)[:-1]:
+        picture = shown(
+            render_frame(clip, FRAME, options(clip, EFFECTS[name].aperture), size, lambda note: None)
+        )
+        height, width = CROP
+        parts = [picture[y : y + height, x : x + width] for x, y in PLACES]
+        cell = cv2.resize(np.vstack(parts), None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_CUBIC)
+        made.append(named(np.asarray(cell, np.uint8), name))
+    write_rows(made, len(made) // 2, CROPS)
+
+
+def named(picture: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
+    """Write a name over the last lines of a picture (H, W, 3), in place."""
+    picture[-LINE:] //= 4
+    at = 8, picture.shape[0] - LINE // 4
+    cv2.putText(picture, name, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
+    return picture
+
+
+def write_rows(pictures: list[NDArray[np.uint8]], columns: int, out: Path) -> None:
+    """Write pictures (H, W, 3) of one size in rows as a JPEG."""
+    rows = [np.hstack(pictures[n : n + columns]) for n in range(0, len(pictures), columns)]
     cv2.imwrite(str(out), np.vstack(rows)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 85])
-    print(f"{out}: {len(made)} lenses, {out.stat().st_size / 1000:.0f} kB")
+    print(f"{out}: {len(pictures)} pictures, {out.stat().st_size / 1000:.0f} kB")
