@@ -21,6 +21,7 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.highlights import RESTORED, HighlightSettings
 from addon.core.frame.plan import FrameOptions
+from addon.core.frame.quality import DRAFT, NORMAL, Quality
 from addon.core.frame.warped_frame import MeshedFrame
 from addon.core.media.light import encode_srgb
 from addon.core.media.picture_file import read_picture
@@ -120,11 +121,12 @@ class Plane:
     """A depth source: everything is equally far."""
 
     def __init__(self, distance: float) -> None:
-        self._inverse = np.full(SIZE[::-1], 1 / distance, np.float32)
+        self._inverse = 1 / distance
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
         shape = picture.shape[:2]
-        return PixelDepth(self._inverse, np.ones(shape, np.float32), np.zeros(shape, bool))
+        inverse = np.full(shape, self._inverse, np.float32)
+        return PixelDepth(inverse, np.ones(shape, np.float32), np.zeros(shape, bool))
 
     def samples(self, frame: int, canvas: Canvas) -> None:
         return None
@@ -259,23 +261,27 @@ def test_a_thin_lens_sees_less_as_it_focuses_nearer() -> None:
 
 
 @needs_gpu
+@pytest.mark.parametrize(
+    ("quality", "least"), [(NORMAL, 40), (DRAFT, 36)], ids=["normal", "at half the size"]
+)
 @pytest.mark.parametrize("focus", [6.0, 12.0], ids=["nearer", "farther away"])
-def test_breathing_enlarges_the_picture_and_fills_its_border(focus: float) -> None:
+def test_breathing_enlarges_the_picture_and_fills_its_border(
+    focus: float, quality: Quality, least: float
+) -> None:
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Plane(FAR))
     lens = FrameOptions(
         Focus(distance=focus), 1e-4, borrow=False, grain=0.0, highlights=BY_VIEWS, sensor=1.2,
-        aperture=Aperture(breathing=0.4),
+        aperture=Aperture(breathing=0.4), quality=quality,
     )  # fmt: skip
-    picture, still = (
-        render_frame(clip, 2, each, SIZE, lambda note: None) for each in (lens, replace(lens, sensor=0.0))
-    )
+    picture = render_frame(clip, 2, lens, SIZE, lambda note: None)
+    still = render_frame(clip, 2, replace(lens, sensor=0.0, quality=NORMAL), SIZE, lambda note: None)
     size = enlargement(0.4, 1.2 * LENS.fx / LENS.width, 1 / focus, 1 / clip.typical_depth)
     print(f"enlarged {size:.4f}")
     assert (size > 1.003) if focus < clip.typical_depth else (size < 0.997)
     x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5 - LENS.cx, np.arange(SIZE[1]) + 0.5 - LENS.cy)
     at = (x / size + LENS.cx - 0.5).astype(np.float32), (y / size + LENS.cy - 0.5).astype(np.float32)
     true = cv2.remap(still, *at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
-    assert error(picture, true) > 40
+    assert error(picture, true) > least
     assert picture[..., 3].min() > 0.999
 
 

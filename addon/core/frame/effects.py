@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from ..base.arrays import LinearRGBA, in_channels
 from ..base.progress import stage
 from ..media.noise import Noise
 from ..optics.aperture import RED_AND_BLUE
+from ..optics.breathing import magnified
 from . import detail, grain
 from .highlight_discs import TrackedDepth, without_small_highlights
 from .meshers.mesher import FrameGeometry
@@ -139,16 +139,10 @@ def _shift_colours(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
     if not amount:
         return picture
     camera = drawing.warped.plan.canvas.camera
-    size = picture.shape[1], picture.shape[0]
-    middle = camera.principal_point * size / [camera.width, camera.height] - 0.5
+    middle = camera.principal_point * drawing.size / [camera.width, camera.height]
     result = picture.copy()
-    for channel, sign in zip(RED_AND_BLUE, (1, -1), strict=True):
-        larger = 1 + sign * amount
-        shift = np.column_stack([np.eye(2) / larger, middle - middle / larger])
-        flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
-        one = np.ascontiguousarray(picture[..., channel])
-        moved = cv2.warpAffine(one, shift, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-        result[..., channel] = np.maximum(moved, 0)
+    for channel, factor in zip(RED_AND_BLUE, (1 + amount, 1 - amount), strict=True):
+        result[..., channel] = magnified(picture[..., channel], factor, middle)
     return result
 
 

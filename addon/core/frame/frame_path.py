@@ -98,6 +98,9 @@ def draw_frame(
         mean = average(warped)
     checkpoint(1.0)
     picture = warped.plan.canvas.to_source(mean)
+    if warped.steadied is not None and small is not source:
+        # A frame on a steadier path is not drawn smaller: this one breathes.
+        small, source = (warped.steadied.magnified(each) for each in (small, source))
     drawing = Drawing(warped, meshed.geometry, small, source, noise, average)
     for effect in EFFECTS:
         picture = effect.after(picture, drawing)

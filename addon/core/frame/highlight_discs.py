@@ -214,21 +214,16 @@ class HighlightDiscs:
         if self.steadied:
             ways = self.steadied.middle + self.steadied.aperture_share * ways
             # The frame's own layers occlude it at its position in the frame.
-            places = one.place + (places - seen_here.place) / _enlargement(self.steadied)
+            places = one.place + (places - seen_here.place) / self.steadied.enlargement
         widths = np.full(len(ways), float(light.shape[1]))
         passed = before.transmittance(one.displacement, steps, places[number], widths, ways)
         discs[number, row, column] *= passed.astype(np.float32)[:, None]
         return discs, begin
 
 
-def _enlargement(steadied: Steadied) -> float:
-    """Return the approximate enlargement by a steadier camera."""
-    return float(steadied.canvas.pinhole.fx / steadied.own_canvas.pinhole.fx)
-
-
 def _as_seen(one: SmallHighlight, steadied: Steadied) -> SmallHighlight:
     """Move a highlight to the canvas of a steadier camera, enlarged as the picture is."""
-    own, zoom = steadied.own_lens, _enlargement(steadied)
+    own, zoom = steadied.own_lens, steadied.enlargement
     inverse = np.array([own.focus + one.displacement / own.disparity_scale])
     place, there = steadied.moved(one.place[None], inverse)
     displacement = float(steadied.lens.displacement(there)[0])

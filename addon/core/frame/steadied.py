@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..base.arrays import Floats
+from ..base.arrays import Floats, LinearRGBA
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image
 from ..camera.steady_path import ALONG, SteadyPath, zoomed
+from ..optics.breathing import magnified
 from ..optics.thin_lens import ThinLens
 from ..warp.mesh import WarpMesh
 
@@ -47,6 +48,17 @@ class Steadied:
     def middle(self) -> Floats:
         """(2,) x and y of the steadier aperture's centre in the frame's camera, in radii of `own_lens`."""
         return np.asarray((-self.rotation.T @ self.translation)[:2] / self.own_lens.radius)
+
+    @property
+    def enlargement(self) -> float:
+        """Ratio of its focal length to the frame's."""
+        return float(self.canvas.pinhole.fx / self.own_canvas.pinhole.fx)
+
+    def magnified(self, picture: LinearRGBA) -> LinearRGBA:
+        """Return a picture (H, W, 4) of the frame, at any size, as a camera that does not move sees it."""
+        camera = self.canvas.camera
+        middle = camera.principal_point * picture.shape[1::-1] / [camera.width, camera.height]
+        return magnified(picture, self.enlargement, middle)
 
     def moved(self, xy: Floats, inverse_depth: Floats) -> tuple[Floats, Floats]:
         """Map canvas pixels (n, 2) and inverse depths (n,) of the frame to those of the steadier camera.

@@ -153,8 +153,7 @@ def drawn_size(settings: FrameOptions, size: tuple[int, int], has_cg: bool = Fal
 
     A quality may draw it smaller, with sharp pixels from the frame itself.
     """
-    is_moved = settings.stabilize or settings.breathes
-    can_be_small = MESHERS[settings.method].needs_pixel_depth and not is_moved
+    can_be_small = MESHERS[settings.method].needs_pixel_depth and not settings.stabilize
     return settings.quality.drawn_size(size, has_cg) if can_be_small else size
 
 

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import cv2
+import numpy as np
+
+from ..base.arrays import Floats, Map
+
 NEAREST = 0.5
 """Largest share of a focal length in a distance: at half, things are as large on the sensor as they are."""
 MOST_ENLARGED, LEAST_ENLARGED = 1.25, 0.87
@@ -23,3 +28,15 @@ def enlargement(amount: float, focal: float, inverse: float, middle: float) -> f
     near, usual = (min(max(focal * each, 0.0), NEAREST) for each in (inverse, middle))
     found = (1 + amount * near / (1 - near)) / (1 + amount * usual / (1 - usual))
     return min(max(found, LEAST_ENLARGED), MOST_ENLARGED)
+
+
+def magnified(picture: Map, factor: float, middle: Floats) -> Map:
+    """Return a picture (H, W) or (H, W, c) enlarged by a factor about a place (2,) in pixels.
+
+    Its border is repeated.
+    """
+    shift = np.column_stack([np.eye(2) / factor, (middle - 0.5) * (1 - 1 / factor)])
+    size, flags = (picture.shape[1], picture.shape[0]), cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+    whole = np.ascontiguousarray(picture)
+    found = cv2.warpAffine(whole, shift, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    return np.maximum(np.asarray(found, np.float32), 0)
