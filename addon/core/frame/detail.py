@@ -46,10 +46,10 @@ def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: floa
     `values` maps displacements (h, w) of texels in pixels, the signed radii of blur discs, to colours (h, w,
     3).
     """
-    plan = warped.plan
+    plan, snap = warped.plan, warped.plan.lens.snap_displacement
 
     def of_discs(displacement: Map) -> LinearRGB:
-        return values(plan.discs(plan.lens.snap_displacement(displacement) if warped.layers else displacement))
+        return values(plan.discs(snap(displacement) if warped.layers else displacement))
 
     return painted_by_disparity(warped, of_discs, on_cg)
 

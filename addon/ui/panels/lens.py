@@ -51,7 +51,7 @@ def _draw_t_stop(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     """Draw the T-stop of a shape that takes light, once the scale is known."""
     settings = context.scene.virtual_aperture
     f_stop, t_stop = depth_of_field.f_stop(settings), depth_of_field.t_stop(settings)
-    if depth_of_field.known_scale(settings) > 0 and t_stop > LESS_LIGHT * f_stop:
+    if scale.known_scale(settings) > 0 and t_stop > LESS_LIGHT * f_stop:
         wrapped(layout, context, f"f/{f_stop:.1f}, T{t_stop:.1f} without losses in glass")
 
 
