@@ -6,11 +6,11 @@ them. A lamp's energy is that of its clipped pixels and two around them, restore
 root mean square of its logarithm, and its spread (standard deviation of that), which is also the spread among
 equal lamps.
 
-**Discs.** A frame is drawn through the lens, focused near. Lamps whose disc touches no other one are measured
-in the light that the product adds to the mean of the views. *Radius*: of the area that is brighter than half
-of the disc's middle, against that of the lens. *Ring*: light between 60 and 90 % of the radius over that
-within 50 %. *Square*: fourth harmonic of the outline's radius, as a share of it. Discs with less than 90 % of
-their light are hidden in part by surfaces; they are counted and left out.
+**Discs.** The frame is drawn as a wall behind the focal plane, so that no surface hides a disc, which has a
+radius of `--radius` pixels. Lamps whose disc touches no other one are measured in the light that the product
+adds to the mean of the views. *Radius*: of the area that is brighter than half of the disc's middle. *Ring*:
+light between 60 and 90 % of the radius over that within 50 %. *Square*: fourth harmonic of the outline's
+radius, as a share of it.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from addon.core.base.arrays import Floats, LinearRGB
+from addon.core.base.arrays import Floats, LinearRGB, LinearRGBA
+from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.depth.sparse import frame_features
+from addon.core.depth.source import DepthSource, PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.frame_path import mesh_frame
@@ -41,14 +42,19 @@ from .. import store
 
 LARGEST = 120
 """Clipped pixels of a lamp, at most."""
-WHOLE = 0.9
-"""Share of its light from which on a disc counts as not hidden."""
 ANGLES = 64
 """Directions in which an outline is measured."""
-IN_FRONT = 0.5
-"""Distance of the focal plane over that of the nearest feature points."""
-RADII = (6.0, 40.0)
-"""Pixels, of the measured discs."""
+WALL = 2.0
+"""Distance of the wall over that of the focal plane."""
+
+
+@dataclass(frozen=True)
+class Wall(DepthSource):
+    """A depth source: every pixel is as far."""
+
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
+        """The wall's inverse depth."""
+        return PixelDepth(np.full((canvas.pinhole.height, canvas.pinhole.width), 1 / WALL, np.float32))
 
 
 @dataclass(frozen=True)
@@ -106,25 +112,18 @@ class Measured:
         return self.radius - self.wanted
 
 
-def discs(warped: WarpedFrame) -> tuple[list[Measured], int, int]:
-    """Discs that are whole and alone; how many touch another, and how many are hidden in part."""
+def discs(warped: WarpedFrame) -> tuple[list[Measured], int]:
+    """Discs that touch no other one, and how many there are."""
     held = warped.highlight_discs
     assert held is not None
-    lamps = [one for one in held.found if RADII[0] <= abs(one.displacement) <= RADII[1]]
     places = np.array([one.place for one in held.found])
     reach = np.array([abs(one.displacement) + max(one.light.shape[:2]) / 2 for one in held.found])
-    found, touching, hidden = list[Measured](), 0, 0
-    for one in lamps:
-        own = abs(one.displacement) + max(one.light.shape[:2]) / 2
-        if np.sum(np.hypot(*(places - one.place).T) < reach + own) > 1:
-            touching += 1
-            continue
-        alone = replace(held, found=(one,)).light(warped.plan, warped.layers)
-        if alone.sum() < WHOLE * one.light.sum():
-            hidden += 1
-            continue
-        found.append(measured(one, alone.sum(axis=2, dtype=np.float64)))
-    return found, touching, hidden
+    found = []
+    for one, place, own in zip(held.found, places, reach, strict=True):
+        if np.sum(np.hypot(*(places - place).T) < reach + own) == 1:
+            alone = replace(held, found=(one,)).light(warped.plan, warped.layers)
+            found.append(measured(one, alone.sum(axis=2, dtype=np.float64)))
+    return found, len(held.found)
 
 
 def measured(one: SmallHighlight, light: Floats) -> Measured:
@@ -155,7 +154,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, help="folder of its solve; without it light alone, by one frame")
     parser.add_argument("--frame", type=int, default=50)
     parser.add_argument("--stops", type=float, nargs="*", default=[2.0, 4.0, 6.0])
-    parser.add_argument("--blur", type=float, default=0.02, help="disc of the farthest, in image widths")
+    parser.add_argument("--radius", type=float, default=15.3, help="pixels of the discs; 0 for none")
     options = parser.parse_args()
     if options.work is None:
         footage = open_footage(options.clip)
@@ -169,19 +168,23 @@ def main() -> None:
         print("|---|---|---|---|---|---|")
     for stops in options.stops:
         print(light_row(clip, options.frame, stops), flush=True)
-    if options.work is not None:
-        print_discs(clip, options.frame, options.blur, (footage.width, footage.height), options.clip.stem)
+    if options.radius:
+        alone = _alone(footage, options.frame)
+        wall = ClipContext(alone, footage.read, Wall())
+        picture = clip.picture(options.frame, RESTORED)
+        clipped = to_linear(clip.read(options.frame))[..., :3].max(axis=2) >= RESTORED.threshold
+        stats = cv2.connectedComponentsWithStats(clipped.astype(np.uint8), connectivity=8)[2]
+        print(f"{np.count_nonzero(stats[1:, cv2.CC_STAT_AREA] <= LARGEST)} lamps are clipped", end=", ")
+        print_discs(wall, picture, options.frame, options.radius, options.clip.stem)
 
 
-def print_discs(clip: ClipContext, frame: int, blur: float, size: tuple[int, int], name: str) -> None:
-    """Draw a frame, keep its picture under a name, and print what its discs are."""
+def print_discs(clip: ClipContext, picture: LinearRGBA, frame: int, radius: float, name: str) -> None:
+    """Draw a frame (h, w, 4) with discs of a radius in pixels, keep its picture, and print their shape."""
     image, _ = clip.reconstruction.image_at(frame)
-    samples = frame_features(clip.reconstruction, frame, clip.reconstruction.canvas(image))
-    # In front of all lamps, so that each has a disc.
-    near = IN_FRONT * float(np.percentile(1 / samples.inverse_depth[samples.inverse_depth > 0], 2))
-    radius = blur * size[0] * near / (2 * clip.reconstruction.intrinsics(image).fx)
-    lens = FrameOptions(Focus(distance=near), radius, grain=0.0)
-    picture = clip.picture(frame, lens.highlights)
+    camera = clip.reconstruction.intrinsics(image)
+    aperture = radius / (camera.fx * (1 - 1 / WALL))
+    lens = FrameOptions(Focus(distance=1.0), aperture, borrow=False, grain=0.0)
+    size = camera.width, camera.height
     warped = (meshed := mesh_frame(clip, frame, lens, size, picture)).through(meshed.views)
     shown = np.rint(255 * encode_srgb(np.clip(draw_mean(warped)[..., :3], 0, 1))).astype(np.uint8)
     folder = store.FOLDER / "pictures"
@@ -190,16 +193,18 @@ def print_discs(clip: ClipContext, frame: int, blur: float, size: tuple[int, int
     if warped.highlight_discs is None:
         print("no lamp became a disc")
         return
-    found, touching, hidden = discs(warped)
-    print(f"{len(found)} discs are alone and whole, {touching} touch another, {hidden} are hidden in part")
-    for name in ("off", "ring", "square") if found else ():
-        values = np.array([getattr(each, name) for each in found])
-        print(f"{name}: {np.median(values):.3f} in the median, {np.abs(values).max():.3f} at most")
+    found, all_of_them = discs(warped)
+    print(f"{all_of_them} are drawn as discs, and {len(found)} of these touch no other one")
+    for kind in ("off", "ring", "square") if found else ():
+        values = np.array([getattr(each, kind) for each in found])
+        low, middle, high = np.percentile(values, [5, 50, 95])
+        print(f"{kind}: {middle:.3f} in the median, {low:.3f} to {high:.3f} for 90 %")
 
 
 def _alone(footage: Footage, frame: int) -> Reconstruction:
     """A frame without others, whose rims alone tell of its lamps."""
-    camera = Intrinsics(footage.width, footage.height, 1.0, 1.0, 0.0, 0.0)
+    width, height = footage.width, footage.height
+    camera = Intrinsics(width, height, width, width, width / 2, height / 2)
     image = Image(frame, np.eye(3), np.zeros(3), np.zeros((0, 2)), np.zeros(0, np.int32))
     points = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
     return Reconstruction((camera,), (image,), points)
