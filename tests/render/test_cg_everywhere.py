@@ -21,6 +21,7 @@ from addon.core.base import limits
 from addon.core.base.job import Job
 from addon.render.processes import launcher
 from addon.render.processes.frames_ahead import SharedFrames
+from addon.scene.cg_objects import STAYS_SHARP
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents
 
@@ -34,6 +35,8 @@ COUNT = 9
 """Frames: one more than are worth other processes."""
 SIDE, ACROSS = 8, 0.3
 """Of the lamp: pixels of its side, and how far it goes to either side of the middle, times its distance."""
+TITLE, GREY = 0.15, 0.3
+"""Of a square that stays sharp: how far it is below the middle, times its distance, and its radiance."""
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -59,6 +62,9 @@ def add_lamp(blend: Path) -> None:
     for frame, side in ((1, -1), (COUNT, 1)):
         lamp.location = 4.0 * ACROSS * side * right
         lamp.keyframe_insert("location", frame=frame)
+    title = place_lamp(scene, 4.0, SIDE, down=TITLE)
+    title.name, title[STAYS_SHARP] = "title", True
+    title.data.materials[0].node_tree.nodes["Emission"].inputs["Strength"].default_value = GREY
     scene.cycles.samples, scene.cycles.use_denoising = 4, False
     bpy.ops.wm.save_mainfile()
     Path(f"{blend}1").unlink()
