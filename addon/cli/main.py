@@ -17,7 +17,7 @@ from ..core.base import memory, streams
 from ..core.base.atomic import collect_temporary, temporary_folder
 from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError, Words
-from ..core.base.job import Job
+from ..core.base.job import Job, end_all
 from ..core.base.messages import Failure, Progress, Result, Warned, send
 from ..core.base.streams import say, say_to
 from ..core.media.clip import Footage, FrameRange
@@ -374,6 +374,8 @@ def run_command(arguments: list[str]) -> int:
         streams.complain(text)
         return status
     finally:
+        # The command line leaves without Python's own steps at exit.
+        end_all()
         for number, handler in before.items():
             if handler is not None:  # one of Blender's own cannot be put back
                 signal.signal(number, handler)
