@@ -144,7 +144,8 @@ def press_in_details(program: Program, above: str, done: str) -> None:
     """Open the details of the warnings, and press down them until `done` is true."""
     x, top = open_details(program, above)
     program.shot("details")
-    for y in range(round(top) + 12, round(top) + 250, 10):
+    # Below the button itself, which closes them.
+    for y in range(round(top) + 40, round(top) + 250, 10):
         program.screen.click(x, y)
         program.settle()
         if program.ask(done):

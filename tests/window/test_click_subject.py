@@ -55,7 +55,7 @@ def test_a_click_focuses_on_all_of_a_moving_object(program: Program) -> None:
     program.settle()
     program.shot("clicked")
     assert program.ask(SUBJECTS) == [] and program.ask(FOLLOWED) == list(FRAMES)
-    assert program.ask(f"{SETTINGS}.marks.items[0].name") == "Object 1"
+    assert program.ask(f"{SETTINGS}.marks.items[0].name") == "Object"
 
 
 def test_one_step_of_undo_takes_it_back(program: Program) -> None:

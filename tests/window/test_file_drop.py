@@ -21,8 +21,8 @@ SCENE = (
 )
 """What tells which clip the scene holds, and what was made of it."""
 SOLVING = "any(w.modal_operators for w in bpy.context.window_manager.windows)"
-MIRROR = 177
-"""Pixels from the button of the presets down to the fifth of them, the mirror lens."""
+MIRROR = 342
+"""Pixels from the button of the presets down to the tenth of them, the mirror lens."""
 
 pytestmark = pytest.mark.usefixtures("in_order")
 

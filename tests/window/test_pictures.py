@@ -252,7 +252,8 @@ def test_masks(program: Program) -> None:
 
 def test_aperture_shape(program: Program) -> None:
     with opened(program, "Lens"):
-        open_below(program, "aperture_radius")
+        # Past the button above, whose tooltip is as large as a panel.
+        open_below(program, "add_lens_camera")
         open_below(program, "metres_per_unit")
         y = program.find("shape.image", "VIEW_3D", "UI").y
         rest(program)
