@@ -9,22 +9,17 @@ darker and paler by *Add Grade Nodes*.
 from __future__ import annotations
 
 import argparse
-import sys
-import tempfile
 from pathlib import Path
 
 import bpy
 import cv2
 import numpy as np
 from mathutils import Matrix
-from numpy.typing import NDArray
 
-import addon
-from addon.cli.main import run_command
 from addon.scene.cg_objects import STAYS_SHARP
 from addon.scene.grade_nodes import add_grade_nodes
 
-from .demo import ROOT
+from .desk_scene import opened_desk, rendered
 
 FRAME = 20
 LENS = ("--focus-at", "0.55,0.4@20", "--blur", "0.04")
@@ -55,35 +50,12 @@ def add_title(scene: bpy.types.Scene, distance: float) -> None:
     scene.collection.objects.link(title)
 
 
-def rendered(scene: bpy.types.Scene, file: Path) -> NDArray[np.uint8]:
-    """(h, w, 3) BGR of a render."""
-    scene.render.filepath = str(file)
-    bpy.ops.render.render(write_still=True)
-    picture = cv2.imread(str(file))
-    assert picture is not None
-    return np.asarray(picture, np.uint8)
-
-
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.jpg")
     parser.add_argument("--work", type=Path, help="folder of the solve, kept for the next time")
     arguments = parser.parse_args()
-    addon.register()
-    with tempfile.TemporaryDirectory() as made:
-        folder = arguments.work or Path(made)
-        work, blend = folder / "desk.aperture", folder / "desk.blend"
-        if not work.exists() and run_command(
-            ["solve", str(ROOT / "sample_scenes" / "desk.mp4"), "--work", str(work)]
-        ):
-            return 1
-        blend.unlink(missing_ok=True)
-        if run_command(["save", str(work), *LENS, "--no-copy", "--blend", str(blend)]):
-            return 1
-        bpy.ops.wm.open_mainfile(filepath=str(blend))
-        scene = bpy.context.scene
-        scene.frame_set(FRAME)
-        scene.render.image_settings.file_format = "PNG"
+    with opened_desk(arguments.work, LENS, FRAME) as (scene, folder):
         plain = rendered(scene, folder / "plain.png")
         distance = BEHIND * scene.virtual_aperture.focus_distance
         add_title(scene, distance)
@@ -93,9 +65,8 @@ def main() -> int:
         for name, value in GRADE.items():
             grade.inputs[name].default_value = value
         both = np.hstack([plain, rendered(scene, folder / "graded.png")])
-        arguments.out.write_bytes(cv2.imencode(".jpg", both, [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes())
-    return 0
+    arguments.out.write_bytes(cv2.imencode(".jpg", both, [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

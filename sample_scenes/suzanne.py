@@ -8,8 +8,6 @@ The clip is solved, she stands on the plane of the points around, and the produc
 from __future__ import annotations
 
 import argparse
-import sys
-import tempfile
 from pathlib import Path
 
 import bpy
@@ -17,13 +15,11 @@ import cv2
 import numpy as np
 from mathutils import Matrix
 
-import addon
-from addon.cli.main import run_command
 from addon.core.base.arrays import Floats
 from addon.core.camera.reconstruction import Reconstruction
 from addon.scene.sources.shot import shot_of
 
-from .demo import ROOT
+from .desk_scene import opened_desk, rendered
 
 FRAME = 20
 PLACE = np.array([428.0, 240.0])
@@ -96,36 +92,18 @@ def stand(scene: bpy.types.Scene, frame: int) -> None:
     scene.collection.objects.link(lamp)
 
 
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.jpg")
     parser.add_argument("--samples", type=int, default=64)
     parser.add_argument("--work", type=Path, help="folder of the solve, kept for the next time")
     arguments = parser.parse_args()
-    addon.register()
-    with tempfile.TemporaryDirectory() as made:
-        folder = arguments.work or Path(made)
-        work, blend = folder / "desk.aperture", folder / "desk.blend"
-        if not work.exists() and run_command(
-            ["solve", str(ROOT / "sample_scenes" / "desk.mp4"), "--work", str(work)]
-        ):
-            return 1
-        blend.unlink(missing_ok=True)
-        if run_command(["save", str(work), *LENS, "--no-copy", "--blend", str(blend)]):
-            return 1
-        bpy.ops.wm.open_mainfile(filepath=str(blend))
-        scene = bpy.context.scene
-        scene.frame_set(FRAME)
+    with opened_desk(arguments.work, LENS, FRAME) as (scene, folder):
         stand(scene, FRAME)
         scene.cycles.samples = arguments.samples
-        scene.render.image_settings.file_format = "PNG"
-        scene.render.filepath = f"{folder}/suzanne.png"
-        bpy.ops.render.render(write_still=True)
-        picture = cv2.imread(f"{folder}/suzanne.png")
-        assert picture is not None
-        arguments.out.write_bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 92])[1].tobytes())
-    return 0
+        picture = rendered(scene, folder / "suzanne.png")
+    arguments.out.write_bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 92])[1].tobytes())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -181,15 +181,7 @@ class Job:
 
 def end(jobs: Sequence[Job], patience: float = PATIENCE) -> None:
     """Terminate processes, and kill those that live after `patience` seconds."""
-    alive = [job.process for job in jobs if job.process is not None and job.process.poll() is None]
-    for process in alive:
-        process.terminate()
-    for process in alive:
-        try:
-            process.wait(patience)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+    Leaving(jobs, None).join(patience)
 
 
 class Leaving:
