@@ -318,7 +318,10 @@ def finished(mean: LinearRGBA, aperture: Aperture, clip: ClipContext, lens: Fram
     if aperture.breathing:
         assert lens.focus.distance is not None
         factor = enlargement(
-            aperture.breathing, SENSOR * own.fx / own.width, 1 / lens.focus.distance, 1 / clip.typical_depth
+            aperture.breathing,
+            SENSOR * own.fx / own.width,
+            1 / lens.focus.distance,
+            1 / clip.reconstruction.typical_depth,
         )
     larger = factor * np.array([1 + aperture.lateral_colour, 1.0, 1 - aperture.lateral_colour, 1.0])
     size = mean.shape[1], mean.shape[0]

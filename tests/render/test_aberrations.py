@@ -275,9 +275,9 @@ def test_breathing_enlarges_the_picture_and_fills_its_border(
     )  # fmt: skip
     picture = render_frame(clip, 2, lens, SIZE, lambda note: None)
     still = render_frame(clip, 2, replace(lens, sensor=0.0, quality=NORMAL), SIZE, lambda note: None)
-    size = enlargement(0.4, 1.2 * LENS.fx / LENS.width, 1 / focus, 1 / clip.typical_depth)
+    size = enlargement(0.4, 1.2 * LENS.fx / LENS.width, 1 / focus, 1 / clip.reconstruction.typical_depth)
     print(f"enlarged {size:.4f}")
-    assert (size > 1.003) if focus < clip.typical_depth else (size < 0.997)
+    assert (size > 1.003) if focus < clip.reconstruction.typical_depth else (size < 0.997)
     x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5 - LENS.cx, np.arange(SIZE[1]) + 0.5 - LENS.cy)
     at = (x / size + LENS.cx - 0.5).astype(np.float32), (y / size + LENS.cy - 0.5).astype(np.float32)
     true = cv2.remap(still, *at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)

@@ -138,6 +138,12 @@ class Reconstruction:
         return median
 
     @cached_property
+    def typical_depth(self) -> float:
+        """The median over the frames of their median depths; 0 without points."""
+        depths = [self.median_depth(image) for image in self.images]
+        return float(np.median(depths or [0.0]))
+
+    @cached_property
     def _median_depths(self) -> dict[int, tuple[Image, float]]:
         """By frame; the image that it is of, as one between registered frames is made anew each time."""
         return {}

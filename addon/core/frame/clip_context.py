@@ -82,12 +82,6 @@ class ClipContext:
     """(3, 3) from the primaries of Rec.709, those of integer pictures, to those of the working space."""
 
     @cached_property
-    def typical_depth(self) -> float:
-        """The median over the frames of their feature points' median depth; 0 without points."""
-        depths = [self.reconstruction.median_depth(image) for image in self.reconstruction.images]
-        return float(np.median(depths or [0.0]))
-
-    @cached_property
     def stereo(self) -> TemporalFusion:
         """Depth of every pixel by stereo in normal quality, at the size of the stereo pictures."""
         return self._stereo(NORMAL)

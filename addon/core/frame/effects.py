@@ -138,8 +138,7 @@ def _shift_colours(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
     amount = drawing.geometry.settings.aperture.lateral_colour
     if not amount:
         return picture
-    camera = drawing.warped.plan.canvas.camera
-    middle = camera.principal_point * drawing.size / [camera.width, camera.height]
+    middle = drawing.warped.plan.canvas.camera.scaled(*drawing.size).principal_point
     result = picture.copy()
     for channel, factor in zip(RED_AND_BLUE, (1 + amount, 1 - amount), strict=True):
         result[..., channel] = magnified(picture[..., channel], factor, middle)

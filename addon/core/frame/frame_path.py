@@ -197,7 +197,7 @@ def _enlargement(geometry: FrameGeometry) -> float:
     settings, camera = geometry.settings, geometry.canvas.camera
     if not settings.breathes:
         return 1.0
-    focal, typical = settings.sensor * camera.fx / camera.width, geometry.clip.typical_depth
+    focal, typical = settings.sensor * camera.fx / camera.width, geometry.clip.reconstruction.typical_depth
     middle = 1 / typical if typical > 0 else 0.0
     return enlargement(settings.aperture.breathing, focal, geometry.lens.axis, middle)
 

@@ -165,9 +165,7 @@ class FramePlan:
         if not self.aberrations.is_active:
             return displacement
         if xy is None:
-            pinhole, (rows, columns) = self.canvas.pinhole, displacement.shape
-            left, top = (columns - pinhole.width) // 2, (rows - pinhole.height) // 2
-            xy = np.dstack(np.meshgrid(np.arange(columns) + 0.5 - left, np.arange(rows) + 0.5 - top))
+            xy = self.lens.raster_places(displacement.shape)
         return self.aberrations.radius(displacement, self.field_places(xy), self.reach)
 
     @property

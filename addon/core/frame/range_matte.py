@@ -71,7 +71,4 @@ def _inverse_depth(warped: WarpedFrame, displacement: Map) -> Floats:
         inverse = warped.own_lens.true(warped.plan.frame, lens, inverse)
     if lens.is_plain:
         return inverse
-    rows, columns = inverse.shape
-    left, top = (columns - lens.pinhole.width) // 2, (rows - lens.pinhole.height) // 2
-    place = np.meshgrid(np.arange(columns) + 0.5 - left, np.arange(rows) + 0.5 - top)
-    return np.asarray(lens.unrectified(inverse, np.stack(place, axis=-1)))
+    return np.asarray(lens.unrectified(inverse, lens.raster_places(inverse.shape)))

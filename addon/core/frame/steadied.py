@@ -56,9 +56,8 @@ class Steadied:
 
     def magnified(self, picture: LinearRGBA) -> LinearRGBA:
         """Return a picture (H, W, 4) of the frame, at any size, as a camera that does not move sees it."""
-        camera = self.canvas.camera
-        middle = camera.principal_point * picture.shape[1::-1] / [camera.width, camera.height]
-        return magnified(picture, self.enlargement, middle)
+        camera = self.canvas.camera.scaled(picture.shape[1], picture.shape[0])
+        return magnified(picture, self.enlargement, camera.principal_point)
 
     def moved(self, xy: Floats, inverse_depth: Floats) -> tuple[Floats, Floats]:
         """Map canvas pixels (n, 2) and inverse depths (n,) of the frame to those of the steadier camera.

@@ -43,8 +43,7 @@ def barrel_rows(plan: FramePlan) -> Floats:
 
 def barrel_shift(plan: FramePlan) -> float:
     """Return the shift of the barrel's opening a pixel from the picture's centre, in aperture radii."""
-    pinhole = plan.canvas.pinhole
-    return float(plan.vignetting / (np.hypot(pinhole.width, pinhole.height) / 2))
+    return plan.vignetting / plan.half_diagonal
 
 
 def matte_box_shift(plan: FramePlan) -> Floats:

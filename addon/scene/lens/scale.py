@@ -57,8 +57,7 @@ def _assumed_scale(settings: bpy.types.PropertyGroup) -> float:
 
 def _assumed_for(reconstruction: Reconstruction) -> float:
     cameras = [reconstruction.intrinsics(image) for image in reconstruction.images]
-    depths = [reconstruction.median_depth(image) for image in reconstruction.images]
-    if not cameras or not (depth := float(np.median(depths))) > 0:
+    if not (depth := reconstruction.typical_depth) > 0:
         return 0.0
     millimetres = SENSOR * float(np.median([camera.fx / camera.width for camera in cameras]))
     return PORTRAIT * (millimetres / NORMAL) ** 2 / depth
