@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import LinearRGB, LinearRGBA, Map, repeated
-from .inspection import blur_discs
+from .inspection import blur_discs, fewer_views
 from .warped_frame import WarpedFrame
 
 SHARP, BLURRED = 0.5, 1.5
@@ -17,18 +17,25 @@ SHARP, BLURRED = 0.5, 1.5
 lost. A disc of one leaves 0.46 of the middle of the lost frequencies, half as fine again as the small
 picture's finest, by the disc's transform 2 J1(x) / x."""
 
+VIEWS = 8
+"""Views of a share from 0 to 1, of sharpness or of lost noise: steps of an eighth are invisible. A picture of
+82 views differs by 77.7 dB, one of 16 by 95.0 dB."""
+
 NEARER = 0.01
 """Difference in colour, of three channels as square roots of light, for a pixel of distance: of equal colours
 the nearest pixel is taken. Chosen by inspection."""
 
 
 def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
-    """Paint a frame's mesh with the share of sharpness that each texel keeps; None without layers.
+    """Paint a frame's mesh with the share of sharpness that each texel keeps, for fewer views.
+
+    None without layers.
 
     The mean of the views has in red, green and blue the share that each pixel keeps.
     """
     if not warped.layers:
         return None
+    warped = fewer_views(warped, VIEWS)
     lens = warped.plan.lens
     nearer = np.float32(lens.disparity_scale * warped.plan.axial_shift)
 

@@ -17,12 +17,10 @@ from ..camera.canvas import Canvas
 from ..media.light import decode_srgb, encode_srgb
 from ..media.noise import AXES, Noise
 from ..warp.mesh import WarpMesh
-from .detail import painted
+from .detail import VIEWS, painted
 from .inspection import fewer_views
 from .warped_frame import WarpedFrame
 
-VIEWS = 8
-"""Views of the lost noise: steps of an eighth in its strength are invisible."""
 LEAST = 1e-3
 """Negligible share: resampling for a lens with distortion rings by as much."""
 TRANSPARENT = np.float32(1e-6)
