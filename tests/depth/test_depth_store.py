@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from addon.core.base.arrays import Floats
 from addon.core.base.errors import UserError
 from addon.core.base.file_lock import FileLock
 from addon.core.depth import depth_store
-from addon.core.depth.depth_store import FINEST, SUREST, DepthStore, KeptDepth
+from addon.core.depth.depth_store import FINEST, SUREST, DepthStore, KeptDepth, delete_kept, kept_numbers
 
 SHAPE = (30, 40)
 
@@ -149,6 +150,27 @@ def test_nothing_fails_where_nothing_can_be_kept(tmp_path: Path) -> None:
     store = DepthStore(tmp_path / "file", lambda: "a")
     store.keep_depth(1, some())
     assert store.depth(1, SHAPE) is None
+
+
+def test_numbers_of_a_clip_are_made_once_and_again_where_they_are_damaged(tmp_path: Path) -> None:
+    made = list[int]()
+
+    def numbers(count: int = 3) -> Floats:
+        made.append(count)
+        return np.linspace(0.1, 0.7, count)
+
+    first = kept_numbers(DepthStore(tmp_path, lambda: "key"), "clip-noise", (0, 3), numbers)
+    again = kept_numbers(DepthStore(tmp_path, lambda: "key"), "clip-noise", (0, 3), numbers)
+    np.testing.assert_array_equal(first, again)
+    assert len(made) == 1
+
+    store = DepthStore(tmp_path, lambda: "key")
+    store.write("clip-noise", {"numbers": np.array([1.0, np.nan, 2.0])})
+    np.testing.assert_array_equal(kept_numbers(store, "clip-noise", (0, 3), numbers), first)
+    kept_numbers(store, "clip-noise", (0, 4), lambda: numbers(4))
+    assert made == [3, 3, 4]
+    assert delete_kept(tmp_path) > 0
+    assert not list(tmp_path.glob("*/clip-*"))
 
 
 def test_what_is_not_ours_is_left_alone(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ read = lru_cache(maxsize=STREET.count)(STREET.read)
 
 
 def street(store: DepthStore | None = None, pictures: Callable[[int], Pixels] = read) -> ClipContext:
-    return replace(STREET.context, read=pictures, highlight_store=store)
+    return replace(STREET.context, read=pictures, clip_store=store)
 
 
 def only(frame: int) -> Pixels:

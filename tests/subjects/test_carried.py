@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from addon.core.depth.depth_store import DepthStore
+from addon.core.frame.clip_context import no_picture
 from addon.core.subjects.carried import CarriedSubject, PeopleOfClip
 from addon.core.subjects.distance import SubjectDistance
 from addon.core.subjects.flow import change_of_size
@@ -183,6 +186,24 @@ def test_distances_follow_size_and_ignore_a_wrong_contact() -> None:
     found = SubjectDistance(clip, lambda frame: square_in(frame), contacts)
     for frame in clip.frames:
         assert found.inverse_depth(frame) == pytest.approx(truth[frame], rel=0.02)
+
+
+def test_kept_sizes_need_no_picture(tmp_path: Path) -> None:
+    def size(clip: ClipPictures) -> list[float | None]:
+        def square(frame: int) -> np.ndarray:
+            x, y = np.meshgrid(np.arange(WIDTH) - 256, np.arange(HEIGHT) - 144)
+            return np.asarray(np.maximum(abs(x), abs(y)) < 55 + 2 * frame)
+
+        store = DepthStore(tmp_path, lambda: "key")
+        found = SubjectDistance(
+            clip, square, lambda frames: dict.fromkeys(frames, 0.2), store, "moving-a-sizes"
+        )
+        return [found.inverse_depth(frame) for frame in clip.frames]
+
+    frames = tuple(range(1, FRAMES + 1))
+    assert size(ClipPictures(frames, lambda frame: picture(frame - 1))) == size(
+        ClipPictures(frames, no_picture)
+    )
 
 
 def test_without_a_contact_no_distance_is_known() -> None:

@@ -3,12 +3,14 @@
 FOLDER/KEY/depth-000123.npz    a frame's inverse depth in 12 bits, its confidence in 4, its moving pixels, and
                                inverse depth past its border
 FOLDER/KEY/moving-SUBJECT-000123.npz   the probability of a subject in a frame
+FOLDER/KEY/moving-SUBJECT-sizes.npz   the sizes of a subject through the clip
 FOLDER/KEY/moving-people.npz   the people of the clip, each in the frame of their detection
 FOLDER/KEY/moving-objects.npz   the strokes that mark the other moving objects of the clip
 FOLDER/KEY/single-000123.npz, coarse-000123.npz   depth of a key frame, and of a source frame of the static
                                scene, before fusion with others
 FOLDER/KEY/lost-THRESHOLD-000123.npz, lamps-THRESHOLD-000123.npz   the clipped light of a frame, and
                                estimates from the rims of its highlights (`frame/kept_highlights.py`)
+FOLDER/KEY/clip-noise.npz, clip-lens.npz   numbers of the whole clip
 
 KEY is a digest of all inputs. A file that is damaged, or of another size, does not exist. Processes that
 work on the same clip share kept results: each makes those that no other is making (`made`).
@@ -49,7 +51,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 """Begins a PNG, whose width and height stand at its 17th byte (ISO/IEC 15948)."""
 LONGEST_SIDE = 16384
 """Pixels of a mask at most, as of any picture that is drawn."""
-KINDS = "depth", "moving", "single", "coarse", "lost", "lamps"
+KINDS = "depth", "moving", "single", "coarse", "lost", "lamps", "clip"
 """Prefixes of file names; files of other keys go where there is no room for the first kind."""
 RECOUNT = 10.0
 """Seconds after which files are counted again, which other processes write, too."""
@@ -262,6 +264,22 @@ class DepthStore:
             if self._taken + more > self._most:
                 self._taken -= _delete(self._folder, KINDS[1:])
         return self._taken + more <= self._most
+
+
+def kept_numbers(
+    store: DepthStore | None, name: str, counts: Sequence[int], make: Callable[[], Floats]
+) -> Floats:
+    """Return numbers (n,) kept under a name, or make and keep them; n is one of `counts`."""
+    kept = store.read(name, ("numbers",)) if store else None
+    if kept is not None:
+        numbers = kept["numbers"]
+        is_whole = numbers.ndim == 1 and len(numbers) in counts and numbers.dtype == np.float64
+        if is_whole and np.isfinite(numbers).all():
+            return np.asarray(numbers, np.float64)
+    made = np.asarray(make(), np.float64)
+    if store:
+        store.write(name, {"numbers": made})
+    return made
 
 
 def kept_size(folder: Path) -> int:

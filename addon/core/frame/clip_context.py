@@ -16,7 +16,7 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..camera.steady_path import SteadyPath, steady_path
 from ..depth.completed_depth import CompletedDepth
-from ..depth.depth_store import DepthStore
+from ..depth.depth_store import DepthStore, kept_numbers
 from ..depth.flat_scene import EstimatedDepth
 from ..depth.map_fusion import FusionOptions
 from ..depth.matching import Matcher, winning_levels
@@ -29,7 +29,7 @@ from ..depth.temporal_fusion import TemporalFusion
 from ..focus.place import Place, PlaceFinder
 from ..focus.subject import subject_place
 from ..media.light import to_linear
-from ..media.noise import Noise, measured
+from ..media.noise import NUMBERS, Noise, measured
 from ..media.picture_file import Pixels
 from ..subjects.carried import CarriedSubject
 from ..subjects.clip_subjects import ClipSubject, ClipSubjects
@@ -72,8 +72,8 @@ class ClipContext:
     """Subjects that the user has marked by strokes."""
     known_subjects: ClipSubjects | None = None
     """Subjects from another context with the same clip and masks."""
-    highlight_store: DepthStore | None = None
-    """Storage of highlights, which depend on neither quality nor masks."""
+    clip_store: DepthStore | None = None
+    """Storage of highlights, noise and the clip's own lens, which depend on neither quality nor masks."""
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels on the processor or a GPU."""
     maps: DepthSource | None = None
@@ -208,7 +208,7 @@ class ClipContext:
     def _highlights_of(self, threshold: float) -> ClipHighlights:
         if threshold not in self._clip_highlights:
             self._clip_highlights[threshold] = ClipHighlights(
-                self.reconstruction, self.read, threshold, self.highlight_store
+                self.reconstruction, self.read, threshold, self.clip_store
             )
         return self._clip_highlights[threshold]
 
@@ -241,8 +241,13 @@ class ClipContext:
     def _noise(self) -> Noise | None:
         """The clip's noise at its own size."""
         frames = [int(frame) for frame in self.reconstruction.frames]
-        with stage("Noise", 0.0, 0.0):
-            return measured(self.read, frames)
+
+        def numbers() -> Floats:
+            with stage("Noise", 0.0, 0.0):
+                found = measured(self.read, frames)
+            return np.zeros(0) if found is None else found.numbers
+
+        return Noise.of(kept_numbers(self.clip_store, "clip-noise", (0, NUMBERS), numbers))
 
     @cached_property
     def _noises(self) -> dict[tuple[int, int], Noise]:
@@ -252,7 +257,7 @@ class ClipContext:
     @cached_property
     def own_lens(self) -> OwnLens | None:
         """The lens of the camera; None without depth of field. Raises UserError if a frame cannot be read."""
-        return own_lens(self.reconstruction, self.read)
+        return own_lens(self.reconstruction, self.read, self.clip_store)
 
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:
         """Return the source of depth in a quality, the only one for picking, following and drawing.

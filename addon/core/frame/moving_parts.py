@@ -13,6 +13,7 @@ from ..base.arrays import Map, Mask
 from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..camera.reconstruction import Reconstruction
+from ..depth.depth_store import DepthStore
 from ..depth.flat_scene import FlatScene, Outline, flat_scene, outline
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving
@@ -96,12 +97,17 @@ class MovingParts:
     def distance(self, subject: ClipSubject) -> SubjectDistance:
         """Return the distance of a subject through the clip."""
         if subject.key not in self._distances:
-            self._distances[subject.key] = self._distance_of(subject.mask)
+            sizes = self.subjects.store, f"moving-{subject.key}-sizes"
+            self._distances[subject.key] = self._distance_of(subject.mask, *sizes)
         return self._distances[subject.key]
 
-    def _distance_of(self, mask: Callable[[int], Mask]) -> SubjectDistance:
+    def _distance_of(
+        self, mask: Callable[[int], Mask], store: DepthStore | None = None, name: str = ""
+    ) -> SubjectDistance:
         ground = self if self.reconstruction.stays else Standing(self.static, self._known)
-        return SubjectDistance(self.subjects.pictures, mask, partial(ground.inverse_depths, mask))
+        return SubjectDistance(
+            self.subjects.pictures, mask, partial(ground.inverse_depths, mask), store, name
+        )
 
     @cached_property
     def _masked(self) -> list[Subject]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..base.arrays import Floats, Map
 from ..camera.reconstruction import Reconstruction
+from ..depth.depth_store import DepthStore, kept_numbers
 from ..depth.source import PixelDepth
 from ..depth.sparse import frame_features
 from ..media.light import to_linear
@@ -55,6 +56,10 @@ SIGMAS = 4.0
 """Diameter of a disc in standard deviations along an axis."""
 
 
+NUMBERS = 5
+"""Numbers of an `OwnLens`."""
+
+
 @dataclass(frozen=True)
 class OwnLens:
     """The thin lens with which a clip was filmed."""
@@ -65,6 +70,19 @@ class OwnLens:
     """Inverse depth of its focal plane in the first and the last frame."""
     frames: tuple[int, int]
     """Numbers of these frames."""
+
+    @classmethod
+    def of(cls, numbers: Floats) -> OwnLens | None:
+        """Return the lens of `numbers`; None of none."""
+        if not len(numbers):
+            return None
+        radius, *focus, first, last = numbers.tolist()
+        return cls(radius, (focus[0], focus[1]), (int(first), int(last)))
+
+    @property
+    def numbers(self) -> Floats:
+        """(NUMBERS,) the fields in one row, to be kept."""
+        return np.array([self.radius, *self.focus, *self.frames], np.float64)
 
     def focus_at(self, frame: int) -> float:
         """Return the inverse depth of its focal plane in a frame."""
@@ -118,14 +136,26 @@ class OwnLens:
         )
 
 
-def own_lens(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> OwnLens | None:
-    """Estimate the lens with which a clip was filmed; raises UserError if a frame cannot be read.
+def own_lens(
+    reconstruction: Reconstruction, read: Callable[[int], Pixels], store: DepthStore | None = None
+) -> OwnLens | None:
+    """Estimate the lens with which a clip was filmed, or read it from its storage.
 
     Returns None if the clip is about equally sharp, if sharpness does not depend on depth, and for photos,
-    each of which has its own lens.
+    each of which has its own lens. Raises UserError if a frame cannot be read.
     """
     if not reconstruction.is_ordered:
         return None
+
+    def numbers() -> Floats:
+        found = _estimated(reconstruction, read)
+        return np.zeros(0) if found is None else found.numbers
+
+    return OwnLens.of(kept_numbers(store, "clip-lens", (0, NUMBERS), numbers))
+
+
+def _estimated(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> OwnLens | None:
+    """Estimate the lens of a clip's frames."""
     numbers = reconstruction.frames[np.linspace(0, len(reconstruction.frames) - 1, FRAMES).astype(int)]
     found = [_edges(reconstruction, read, int(frame)) for frame in np.unique(numbers)]
     first, last = int(numbers[0]), int(numbers[-1])

@@ -76,6 +76,10 @@ KINDS = np.array([0, 1, 1])
 """Brightness or colour, by component."""
 
 
+NUMBERS = 2 + 2 * (BLOCK - 1) ** 2
+"""Numbers of a `Noise`."""
+
+
 @dataclass(frozen=True)
 class Noise:
     """Noise of a clip, at one size of its pictures."""
@@ -84,6 +88,18 @@ class Noise:
     """(2,) standard deviation of the component of brightness, and of each of colour."""
     kernels: Map
     """(2, BLOCK - 1, BLOCK - 1) filters that make such components, of variance 1, of white noise."""
+
+    @classmethod
+    def of(cls, numbers: Floats) -> Noise | None:
+        """Return the noise of `numbers`; None of none."""
+        if not len(numbers):
+            return None
+        return cls(numbers[:2], np.reshape(numbers[2:], (2, BLOCK - 1, BLOCK - 1)).astype(np.float32))
+
+    @property
+    def numbers(self) -> Floats:
+        """(NUMBERS,) the fields in one row, to be kept."""
+        return np.concatenate([self.sigma, self.kernels.ravel()]).astype(np.float64)
 
     @property
     def strength(self) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..base.arrays import Floats, Mask
 from ..base.progress import checkpoint
+from ..depth.depth_store import DepthStore, kept_numbers
 from .cut import LEAST
 from .flow import change_of_size
 from .pictures import ClipPictures
@@ -35,6 +36,10 @@ class SubjectDistance:
     """The subject (h, w) in a frame, at the size of the pictures."""
     standing: Callable[[Sequence[int]], Mapping[int, float]]
     """Its inverse depth in 1 / scene units by its contact with the ground, for those frames that show it."""
+    store: DepthStore | None = None
+    """Storage of its sizes."""
+    name: str = ""
+    """Name of its sizes in the storage."""
 
     def inverse_depth(self, frame: int) -> float | None:
         """Return the inverse depth in 1 / scene units; None where no frame shows where the subject stands."""
@@ -44,6 +49,9 @@ class SubjectDistance:
     @cached_property
     def _sizes(self) -> Floats:
         """(n,) size in each frame, relative to the first."""
+        return kept_numbers(self.store, self.name, (len(self.pictures.frames),), self._measured_sizes)
+
+    def _measured_sizes(self) -> Floats:
         frames, flow = self.pictures.frames, self.pictures.flow
         changes, heights = list[float](), list[float]()
         for number, frame in enumerate(frames):
