@@ -137,8 +137,8 @@ def test_the_core_checks_the_same_bounds() -> None:
             check(wrong)
 
 
-def test_every_option_of_a_frame_is_a_property_and_one_of_the_command_line(registered: None) -> None:
-    settings = bpy.context.scene.virtual_aperture
+def test_every_option_of_a_frame_is_a_property_and_one_of_the_command_line(scene: bpy.types.Scene) -> None:
+    settings = scene.virtual_aperture
     values = values_of(settings, FRAME_OPTIONS)
     made = frame_values({**values, "quality": "final", "highlights": 0.0})
     assert made["quality"] is FINAL and made["highlights"].gain == 0
