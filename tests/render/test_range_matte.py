@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import bpy
@@ -25,11 +27,14 @@ from addon.render.views.gpu_views import gpu_problem
 from addon.scene import passes
 from addon.scene.build import build
 from addon.scene.grade_nodes import NAME, add_grade_nodes
+from benchmarks.torture import clip
 
+from ..command_line import done
 from ..exr import channels
 from ..scenes import psnr, slanted_plane, slanted_shot, texture
 
 needs_gpu = pytest.mark.skipif(bool(gpu_problem()), reason="only CI is sure to have a GPU driver")
+ROOT = Path(__file__).resolve().parents[2]
 SIZE = (192, 108)
 LENS = Intrinsics(*SIZE, 180.0, 180.0, 96.0, 54.0)
 NEAR, FAR = 4.0, 8.0
@@ -174,3 +179,35 @@ def test_nodes_of_the_user_stay(solved: bpy.types.Scene) -> None:
 def test_nodes_take_a_solve(scene: bpy.types.Scene) -> None:
     with pytest.raises(RuntimeError, match="Solve the clip first"):
         bpy.ops.virtual_aperture.add_grade_nodes()
+
+
+ANIMATION = (
+    "import sys; sys.path.insert(0, sys.argv[1]); import bpy, addon; addon.register();"
+    "bpy.ops.wm.open_mainfile(filepath=sys.argv[2]); bpy.context.scene.render.filepath = sys.argv[3];"
+    "bpy.ops.render.render(animation=True)"
+)
+
+
+@needs_gpu
+@pytest.mark.usefixtures("registered")
+def test_a_farms_machine_gives_the_matte_of_f12(tmp_path: Path) -> None:
+    work = clip.solve(clip.write_video(tmp_path / "clip", 6), tmp_path / "work")
+    lens = ("--focus-distance", "7", "--blur", "0.05", "--method", "features", "--views", "4")
+    done("farm", work, *lens, "--out", tmp_path / "job")
+    blend = tmp_path / "job" / "input" / "scene.blend"
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    scene = bpy.context.scene
+    ours = scene.view_layers[0].virtual_aperture_passes
+    ours.use_range_matte, ours.range_far, ours.range_softness = True, scene.virtual_aperture.focus_distance, 0.5
+    scene.frame_start = scene.frame_end = 3
+    scene.frame_set(3)
+    here = rendered(scene, tmp_path / "here.exr")
+    bpy.ops.wm.save_mainfile()
+    words = [sys.executable, "-c", ANIMATION, str(ROOT), str(blend), str(tmp_path / "farm####.exr")]
+    subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+    there = channels(tmp_path / "farm0003.exr")
+    matte = here[passes.RANGE_MATTE]
+    assert 0.01 < matte.mean() < 0.99
+    for name, pixels in there.items():
+        own = name.split(".", 1)[1].removesuffix(".X").removesuffix(".Z")
+        assert np.array_equal(pixels, here[own]), name
