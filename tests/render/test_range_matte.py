@@ -198,7 +198,8 @@ def test_a_farms_machine_gives_the_matte_of_f12(tmp_path: Path) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     scene = bpy.context.scene
     ours = scene.view_layers[0].virtual_aperture_passes
-    ours.use_range_matte, ours.range_far, ours.range_softness = True, scene.virtual_aperture.focus_distance, 0.5
+    ours.use_range_matte, ours.range_softness = True, 0.5
+    ours.range_far = scene.virtual_aperture.focus_distance
     scene.frame_start = scene.frame_end = 3
     scene.frame_set(3)
     here = rendered(scene, tmp_path / "here.exr")
