@@ -14,7 +14,7 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.depth.sparse_depth import SparseDepth
 from addon.core.depth.user_depth import UserDepth
 from addon.core.frame.clip_context import ClipContext, no_picture
-from addon.core.frame.frame_path import warp_frame
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions, FramePlan
 from addon.core.media.clip import open_footage
 
@@ -119,4 +119,4 @@ def planned(
         settings = replace(settings, method="features")
     blank = np.zeros((size[1], size[0], 4), np.float32)
     clip = ClipContext(reconstruction, no_picture, depth or SparseDepth(reconstruction))
-    return warp_frame(clip, frame, settings, size, blank if picture is None else picture).plan
+    return mesh_frame(clip, frame, settings, size, blank if picture is None else picture).warped.plan

@@ -14,7 +14,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import NO_PICTURE, DepthSource, PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.frame_path import warp_frame
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.meshers import MESHERS
 from addon.core.frame.meshers.mesher import Mesher, Surface
@@ -67,7 +67,7 @@ def test_a_mesher(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(MESHERS, made.name, made)
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(LENS.width, LENS.height))
     options = FrameOptions(Focus(distance=8.0), 0.5, 8, made.name)
-    warped = warp_frame(
+    warped = mesh_frame(
         clip, 2, options, (LENS.width, LENS.height), to_linear(texture(LENS.width, LENS.height))
-    )
+    ).warped
     assert warped.method == made.name and len(warped.plan.mesh.triangles)

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.frame_path import Drawn, warp_frame
+from addon.core.frame.frame_path import Drawn, mesh_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.inspection import SOURCES
 from addon.core.frame.plan import FrameOptions
@@ -144,7 +144,7 @@ def rendered(
         if knows_falloff:
             share = filmed.drift.falloff(width, height)[..., 0]
             stack.enter_context(patch.object(SourceView, "colours", by_falloff(share, SourceView.colours)))
-        warped = warp_frame(case.clip, case.frame, options, (width, height), picture)
+        warped = mesh_frame(case.clip, case.frame, options, (width, height), picture).warped
         mean = warped.plan.canvas.to_source(draw_mean(warped))[..., :3]
         shares = draw_shares(Drawn(warped, picture, 0.0))
     return mean, shares[..., SOURCES.index("borrowed")]

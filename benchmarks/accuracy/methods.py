@@ -16,7 +16,7 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Points, Reconstruction
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.frame_path import Drawn, mesh_frame, warp_frame
+from addon.core.frame.frame_path import Drawn, mesh_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions, FramePlan
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL, Quality
@@ -132,7 +132,7 @@ def cycles(case: BenchmarkCase, views: int) -> Answer:
     """Cycles' thin lens on the mesh over the feature points, painted as ours is; `views` are its samples."""
     lens = FrameOptions(case.focus, case.radius, 16, "features")
     seen = case.clip.picture(case.frame, lens.highlights)
-    plan = warp_frame(case.clip, case.frame, lens, _size(case), seen).plan
+    plan = mesh_frame(case.clip, case.frame, lens, _size(case), seen).warped.plan
     picture = plan.canvas.from_source(seen)
     return Answer(thin_lens(plan, picture, views), views, len(plan.mesh.triangles))
 
@@ -206,7 +206,7 @@ def _size(case: BenchmarkCase) -> tuple[int, int]:
 def through(case: BenchmarkCase, clip: ClipContext, lens: FrameOptions) -> Answer:
     """The frame as the product draws it."""
     picture = clip.picture(case.frame, lens.highlights)
-    return _drawn(warp_frame(clip, case.frame, lens, _size(case), picture))
+    return _drawn(mesh_frame(clip, case.frame, lens, _size(case), picture).warped)
 
 
 def _drawn(warped: WarpedFrame) -> Answer:

@@ -8,7 +8,7 @@ from addon.core.base.arrays import Floats, LinearRGBA
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.focus.focus import Focus, radius_for_blur
 from addon.core.frame.clip_context import ClipContext, no_picture
-from addon.core.frame.frame_path import warp_frame
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions, FramePlan
 from addon.render.views import gpu_views
 
@@ -85,7 +85,9 @@ def planned(
     camera = rec.cameras[0]
     settings, blank = FrameOptions(focus, radius, views, method), np.zeros((camera.height, camera.width, 4))
     clip = ClipContext(rec, no_picture)
-    return warp_frame(clip, frame, settings, (camera.width, camera.height), blank.astype(np.float32)).plan
+    return mesh_frame(
+        clip, frame, settings, (camera.width, camera.height), blank.astype(np.float32)
+    ).warped.plan
 
 
 def frontal(plan: FramePlan, depth: float = DEPTH, focus: float = 1 / FOCUS) -> list[Measure]:

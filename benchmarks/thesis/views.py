@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import Floats
 from addon.core.depth.sparse import frame_features
 from addon.core.focus.focus import Focus, radius_for_blur
-from addon.core.frame.frame_path import warp_frame
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.meshers.thesis.thesis import fitted_registration
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame
@@ -109,7 +109,7 @@ def _view(clip: Clip, frame: int, method: str, focus: Focus, offset: Floats) -> 
 
 
 def _warped(clip: Clip, frame: int, lens: FrameOptions) -> WarpedFrame:
-    return warp_frame(clip.shot.context, frame, lens, clip.size, clip.picture(frame))
+    return mesh_frame(clip.shot.context, frame, lens, clip.size, clip.picture(frame)).warped
 
 
 def _shown(picture: Linear) -> draw.Picture:

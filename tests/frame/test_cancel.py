@@ -10,7 +10,7 @@ import pytest
 
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.focus.focus import Focus
-from addon.core.frame.frame_path import warp_frame
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.clip import open_footage
@@ -41,7 +41,7 @@ def fresh(folder: Path) -> Shot:
 def warped(shot: Shot) -> WarpedFrame:
     lens = FrameOptions(Focus(distance=4.0), 0.2, 8)
     size = shot.footage.width, shot.footage.height
-    return warp_frame(shot.context, MIDDLE, lens, size, to_linear(shot.read(MIDDLE)))
+    return mesh_frame(shot.context, MIDDLE, lens, size, to_linear(shot.read(MIDDLE))).warped
 
 
 def test_every_stage_passes_many_checkpoints_and_goes_on(folder: Path) -> None:

@@ -14,7 +14,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import SURE, PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.frame_path import FEWEST_SURE, warp_frame
+from addon.core.frame.frame_path import FEWEST_SURE, mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.light import to_linear
@@ -61,7 +61,7 @@ def warped(
 ) -> tuple[WarpedFrame, ByHand]:
     depth = ByHand(confidence)
     lens = FrameOptions(Focus(distance=FOCUS), radius, 8, method, borrow=borrow)
-    return warp_frame(clip(depth), 2, lens, SIZE, SOURCE), depth
+    return mesh_frame(clip(depth), 2, lens, SIZE, SOURCE).warped, depth
 
 
 @pytest.mark.parametrize("borrow", [False, True])
@@ -106,7 +106,7 @@ def test_a_method_that_is_asked_for_is_used(method: str) -> None:
     picks = Focus(points=(3, 9, 30, 60))
     lens = FrameOptions(picks, 0.5, 8, method)
     depth = ByHand(sure_in(0))
-    made = warp_frame(clip(depth), 2, lens, SIZE, SOURCE)
+    made = mesh_frame(clip(depth), 2, lens, SIZE, SOURCE).warped
     assert (made.method, made.why) == (method, "")
     assert not made.layers and not depth.requested
     np.testing.assert_array_equal(made.texture, SOURCE)
@@ -120,8 +120,8 @@ def test_edges_follow_the_picture() -> None:
     depth = ByHand(sure_in(0))
     lens = FrameOptions(Focus(distance=FOCUS), 3.0, 8, "edges")
     plane = clip(depth, 4.0, 30.0)
-    along = warp_frame(plane, 2, lens, SIZE, picture).plan.mesh
-    flat = warp_frame(plane, 2, lens, SIZE, np.full_like(picture, 0.3)).plan.mesh
+    along = mesh_frame(plane, 2, lens, SIZE, picture).warped.plan.mesh
+    flat = mesh_frame(plane, 2, lens, SIZE, np.full_like(picture, 0.3)).warped.plan.mesh
     close = [int((np.abs(mesh.xy[:, 0] - 90) < 2).sum()) for mesh in (along, flat)]
     print(f"vertices within two pixels of the edge: {close[0]}, without the edge {close[1]}")
     assert close[0] > close[1] + 5

@@ -15,7 +15,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.frame import inspection
 from addon.core.frame.clip_context import ClipContext, no_picture
-from addon.core.frame.frame_path import Drawn, warp_frame
+from addon.core.frame.frame_path import Drawn, mesh_frame
 from addon.core.frame.inspection import (
     NAMES,
     blur_discs,
@@ -159,7 +159,7 @@ def plane(camera: Intrinsics = PLAIN) -> ClipContext:
 def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> None:
     source = to_linear(texture(160, 90))
     lens = FrameOptions(Focus(points=(3, 9, 30, 60)), 0.5, 24, method)
-    warped = warp_frame(plane(), 2, lens, (160, 90), source)
+    warped = mesh_frame(plane(), 2, lens, (160, 90), source).warped
     shares = shares_of(warped, source)
     assert shares[..., GREEN].max() == 0
     np.testing.assert_allclose(shares[12:-12, 12:-12, BLUE], 1, atol=1e-4)
@@ -181,7 +181,7 @@ def test_a_very_wide_aperture() -> None:
     """The mesh reaches past the border by more than a texture can."""
     source = to_linear(texture(160, 90))
     lens = FrameOptions(Focus(distance=8.0), 60.0, 24, "features")
-    warped = warp_frame(plane(), 2, lens, (160, 90), source)
+    warped = mesh_frame(plane(), 2, lens, (160, 90), source).warped
     painted = source_frame(warped)
     assert max(painted.texture.shape) <= inspection.LARGEST_TEXTURE + 1
     shares = shares_of(warped, source)
@@ -192,7 +192,7 @@ def test_pictures_have_the_geometry_of_a_bent_lens() -> None:
     bent = replace(PLAIN, k1=-0.1)
     source = to_linear(texture(160, 90))
     lens = FrameOptions(Focus(distance=8.0), 0.5, 8, "features")
-    warped = warp_frame(plane(bent), 2, lens, (160, 90), source)
+    warped = mesh_frame(plane(bent), 2, lens, (160, 90), source).warped
     assert (warped.plan.canvas.pinhole.width, warped.plan.canvas.pinhole.height) != (160, 90)
     shares = shares_of(warped, source)
     np.testing.assert_allclose(shares[15:-15, 15:-15, BLUE], 1, atol=1e-3)
@@ -288,9 +288,9 @@ def test_a_run_in_one_line() -> None:
 
 def test_what_is_in_focus_is_clear_and_the_rest_is_tinted() -> None:
     source = np.full((90, 160, 4), 0.2, np.float32)
-    warped = warp_frame(
+    warped = mesh_frame(
         plane(), 2, FrameOptions(Focus(points=(3, 9, 30, 60)), 0.5, 8, "features"), (160, 90), source
-    )
+    ).warped
     shown = picture("focus", warped, source)
     assert shown is not None
     disc = blur_discs(warped)

@@ -17,7 +17,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.frame_path import warp_frame
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.range_matte import Range
 from addon.core.media.light import to_linear
@@ -64,7 +64,7 @@ def drawn(wanted: Range, focus: float, **options: object) -> Map:
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Ball())
     radius = DISC / (2 * LENS.fx * (1 / NEAR - 1 / FAR))
     lens = FrameOptions(Focus(distance=focus), radius, borrow=False, **options)
-    return draw_matte(warp_frame(clip, 2, lens, SIZE, to_linear(texture(*SIZE))), wanted)
+    return draw_matte(mesh_frame(clip, 2, lens, SIZE, to_linear(texture(*SIZE))).warped, wanted)
 
 
 @needs_gpu
@@ -98,7 +98,7 @@ def test_distances_are_those_of_the_scene(options: dict[str, float]) -> None:
     swing = options.pop("swing", 0.0)
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Ball())
     lens = FrameOptions(Focus(distance=6.0, swing=swing), 0.01, borrow=False, **options)
-    warped = warp_frame(clip, 2, lens, SIZE, to_linear(texture(*SIZE)))
+    warped = mesh_frame(clip, 2, lens, SIZE, to_linear(texture(*SIZE))).warped
     assert np.mean(np.abs(draw_matte(warped, Range(3.0, 5.0, 0.0)) - mask()) > 0.5) < 0.005
     assert np.mean(np.abs(draw_matte(warped, Range(7.5, 8.5, 0.0)) + mask() - 1) > 0.5) < 0.005
 

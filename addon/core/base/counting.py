@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 
-def counted(count: int, singular: str, plural: str = "") -> str:
-    """Format a count and its noun: "1 vertex", "2 vertices". The default plural appends an s."""
-    return f"{count} {singular if count == 1 else plural or f'{singular}s'}"
+def counted(count: int, singular: str) -> str:
+    """Format a count and its noun, whose plural appends an s: "1 frame", "2 frames"."""
+    return f"{count} {singular}{'' if count == 1 else 's'}"
 
 
 def ordinal(number: int) -> str:

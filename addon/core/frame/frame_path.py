@@ -88,7 +88,7 @@ def draw_frame(
         noise = clip.noise(frame, size) if options.grain else None
     with stage("Mesh", READ, WARPED):
         meshed = mesh_frame(clip, frame, options, (small.shape[1], small.shape[0]), small, draw_cg)
-        warped = meshed.through(meshed.views, reuse=True)
+        warped = meshed.warped
     began = time.perf_counter()
 
     def average(prepared: WarpedFrame) -> LinearRGBA:
@@ -113,17 +113,6 @@ def mean_of_views(warped: WarpedFrame, draw_views: DrawViews) -> LinearRGBA:
     for effect in EFFECTS:
         mean = effect.on_mean(mean, warped)
     return mean
-
-
-def warp_frame(
-    clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int], source: LinearRGBA
-) -> WarpedFrame:
-    """Make mesh and views of a frame of size (width, height) from its picture (height, width, 4).
-
-    Raises UserError as `mesh_frame` does. Passes checkpoints.
-    """
-    meshed = mesh_frame(clip, frame, settings, size, source)
-    return meshed.through(meshed.views, reuse=True)
 
 
 def mesh_frame(

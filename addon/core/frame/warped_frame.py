@@ -91,6 +91,11 @@ class MeshedFrame:
         """The selected number of views, or that for its largest blur disc in its quality."""
         return _count(self.geometry.settings, self.blur, self.geometry.mesher.is_prefiltered)
 
+    @property
+    def warped(self) -> WarpedFrame:
+        """The frame prepared for its views, in the memory of the surface's texture."""
+        return self.through(self.views, reuse=True)
+
     def through(self, count: int, prefiltered: bool = True, reuse: bool = False) -> WarpedFrame:
         """Prepare the frame for a number of views.
 
@@ -168,7 +173,7 @@ class Forecast:
 
 
 def forecast(clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int]) -> Forecast:
-    """Forecast the result of `warp_frame`; raises the same errors."""
+    """Forecast a frame's mesh; raises the errors of `mesh_frame`."""
     geometry = frame_geometry(clip, frame, settings, drawn_size(settings, size))
     disc, mesher = sampled_disc(geometry), geometry.mesher
     is_too_large = mesher.needs_pixel_depth and not can_be_layered(geometry.lens, disc)

@@ -22,6 +22,8 @@ MIN_FEATURES = 3
 """Features of a triangle."""
 MERGE = 0.5
 """Side in pixels of a cell that keeps one feature: closer ones would make slivers. Chosen by inspection."""
+AVERAGED = 6
+"""Features whose mean is the depth of a place without one. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,8 @@ def feature_mesh(features: DepthSamples, canvas: Canvas, margin: float) -> WarpM
     )
 
 
-def nearest_mean(places: Floats, values: Floats, wanted: Floats, count: int = 6) -> Floats:
-    """Return the mean (k,) of the values nearest to each wanted place, by inverse squared distance.
+def nearest_mean(places: Floats, values: Floats, wanted: Floats) -> Floats:
+    """Return means (k,) of the `AVERAGED` values nearest to wanted places, by inverse squared distance.
 
     Shepard, "A two-dimensional interpolation function", 1968.
 
@@ -72,10 +74,9 @@ def nearest_mean(places: Floats, values: Floats, wanted: Floats, count: int = 6)
         places: (n, 2).
         values: (n,).
         wanted: (k, 2) places.
-        count: Number of values.
     """
     squared = ((wanted[:, None, :] - places[None, :, :]) ** 2).sum(axis=2)
-    count = min(count, len(places))
+    count = min(AVERAGED, len(places))
     nearest = np.argpartition(squared, count - 1, axis=1)[:, :count]
     weight = 1.0 / (np.take_along_axis(squared, nearest, axis=1) + 1.0)
     return np.asarray((weight * values[nearest]).sum(axis=1) / weight.sum(axis=1))
