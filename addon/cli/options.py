@@ -32,12 +32,20 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**{**named, "allow_abbrev": False})
 
     def error(self, message: str) -> NoReturn:
-        """Raise UsageError with a hint at the help."""
+        """Raise UsageError with a hint at the help, where argparse would end the process.
+
+        Args:
+            message: The reason that argparse gives, such as a missing argument.
+        """
         raise UsageError(f"{message}; see {self.prog} --help")
 
 
 def real(text: str) -> float:
-    """Return the type of an option that is a number."""
+    """Read the value of an option that is a number.
+
+    Raises:
+        argparse.ArgumentTypeError: It is not a number, or too large or too small for Blender.
+    """
     try:
         value = numbers.real(text)
     except ValueError as error:

@@ -26,7 +26,15 @@ def add_command(
 
 
 def pick(options: argparse.Namespace) -> list[Place]:
-    """Run `pick DIR --focus-at X,Y[@FRAME]`; prints and returns the places."""
+    """Run `pick DIR --focus-at X,Y[@FRAME]`: print how far places and subjects are.
+
+    Returns:
+        The places, as the focus of a render would have them.
+
+    Raises:
+        UsageError: Neither a place nor a subject is given, or the options contradict each other.
+        UserError: The solve cannot be read, or a place has no depth.
+    """
     check_numbers(options)
     if not options.focus_at and not options.focus_subject:
         raise UsageError("pick measures a place or a subject: use --focus-at or --focus-subject; see --help")

@@ -98,7 +98,13 @@ class FileLock:
 
 
 def is_abandoned(lock: Path, table: str, pid: int) -> bool:
-    """Return whether a lock's owner has certainly ended; for unknown locks, process `pid` of `table`."""
+    """Return whether the process that held a lock has certainly ended.
+
+    Args:
+        lock: The lock file. If it is gone, or its file system has no locks, the process decides.
+        table: `process_table` of the machine or container that the process ran in.
+        pid: Number of the process there.
+    """
     try:
         file = os.open(lock, os.O_RDWR) if is_regular(lock) else None
     except OSError:

@@ -53,7 +53,15 @@ def shortage(what: str) -> UserError:
 
 
 def free(proc: Path = PROC, groups: Path = GROUPS) -> int:
-    """Return the bytes of memory free on this machine and in its container; half of all if not reported."""
+    """Measure the memory that new processes can use, in bytes.
+
+    It is the free memory of the machine or of its container, the smaller one; on systems that do not report
+    it, half of all memory.
+
+    Args:
+        proc: Linux's folder of processes.
+        groups: Linux's folder of control groups, which limit containers.
+    """
     return min([_machine_free(proc), *_container_free(proc, groups)])
 
 

@@ -9,9 +9,10 @@ from ..base.arrays import Floats, Map
 from ..base.global_smoother import globally_smoothed
 
 SMOOTHER_LAMBDA = 400.0
-"""Lambda of the fast global smoother that interpolates known depth."""
+"""Lambda of the fast global smoother that interpolates known depth: a larger one reaches farther."""
 SMOOTHER_SIGMA = 6.0
-"""Grey levels at which the smoothers along pictures stop."""
+"""Sigma of the fast global smoothers along pictures: the difference of neighbouring pixels, in grey levels of
+0 to 255, at which their weight falls to 1 / e."""
 LEAST_WEIGHT = 1e-6
 """Weight, against 1 for a known pixel, of the default depth where nothing known reaches."""
 FILTER_WINDOW = 9

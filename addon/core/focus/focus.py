@@ -16,7 +16,8 @@ from ..optics.zone import NO_ZONE, InFocusZone
 FEWEST_IN_PLANE = 3
 """Points in focus that make a plane."""
 NEAREST = 0.01
-"""Share of the distance of the nearest things; at a nearer focus all blur discs are equal within 1 %."""
+"""Least distance of the focus, as a share of the distance of the nearest things: at a nearer one all blur
+discs are equal within 1 %."""
 COLLINEAR = 1e-3
 """Share of the extent of the points in focus; points closer to a line define no plane. Chosen by
 inspection."""

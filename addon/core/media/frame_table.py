@@ -68,7 +68,7 @@ class _Pass:
     promised: int = 0
     """Entries of the container's own index of pictures, before any is read."""
     reach: int = 0
-    """Where in the file the last of the packets ends, in bytes."""
+    """Offset in the file, in bytes, at which its last packet ends; a shorter file was cut off."""
     last: int = -1
     """The last packet's time of decoding, in ticks."""
     first: FirstFrame | None = None

@@ -49,7 +49,10 @@ def to_linear(picture: Pixels) -> NDArray[np.float32]:
 
 
 def to_rgb8(picture: Pixels) -> NDArray[np.uint8]:
-    """Return (H, W, 3 or 4) as stored -> (H, W, 3) uint8, display-encoded."""
+    """Convert a stored picture (H, W, 3 or 4) to 8 bits (H, W, 3), display-encoded.
+
+    Float pictures are linear light, which is clipped to [0, 1] and encoded as sRGB.
+    """
     if picture.dtype == np.float32:
         encoded = encode_srgb(np.clip(np.nan_to_num(picture[..., :3]), 0, 1))
         return np.round(encoded * 255).astype(np.uint8)
@@ -59,7 +62,7 @@ def to_rgb8(picture: Pixels) -> NDArray[np.uint8]:
 
 
 def to_gray8(picture: Pixels) -> NDArray[np.uint8]:
-    """Return (H, W, 3 or 4) as stored -> (H, W) uint8 display-encoded luma, for tracking."""
+    """Convert a stored picture (H, W, 3 or 4) to 8 bits of display-encoded luma (H, W), as `to_rgb8` does."""
     return np.asarray(cv2.cvtColor(to_rgb8(picture), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 

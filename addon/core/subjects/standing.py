@@ -54,11 +54,12 @@ class Standing:
     def inverse_depths(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """Estimate the median inverse depth of a subject.
 
-        A subject that stands still has feature points. Another one, and one whose points are off the
-        ground, stands upright where it touches the ground; a frame in which the ground around it is not a
-        plane takes the plane of the nearest frame.
-        Where no frame has such a plane, the subject is as far as the static scene beneath its feet. Frames
-        that place it behind the background it hides are left out, unless all frames do.
+        1. A subject that stands still has feature points, which count unless they are off the ground.
+        2. Another one stands upright where it touches the ground; a frame in which the ground around it is
+           not a plane takes the plane of the nearest frame.
+        3. Without a plane in any frame, the subject is as far as the static scene beneath its feet.
+
+        Frames that place it behind the background that it hides are left out, unless all frames do.
 
         Args:
             subject: Returns its pixels (h, w) in a source frame, at any size.

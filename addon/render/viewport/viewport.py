@@ -232,7 +232,10 @@ def frame_in_region(
 def output_in_region(
     region: bpy.types.Region, view: bpy.types.RegionView3D, scene: bpy.types.Scene
 ) -> Rectangle | None:
-    """Return the same of the rendered frame, whatever its shape."""
+    """Return left, bottom, width and height in pixels of the rendered frame in a region; None without a size.
+
+    The region looks through the solved camera. The frame has the shape of the output, not that of the clip.
+    """
     camera = scene.virtual_aperture.camera
     # A view through a camera leaves its scale aside.
     to_world = camera.matrix_world.normalized()

@@ -115,7 +115,7 @@ class VIRTUAL_APERTURE_PT_lens_presets(PresetPanel, bpy.types.Panel):  # noqa: N
 
 
 def preset_files() -> list[Path]:
-    """Return the presets that are there, shipped ones and the user's."""
+    """List the files of the presets of the lens: the extension's, then the user's, without hidden ones."""
     folders = map(Path, bpy.utils.preset_paths(VIRTUAL_APERTURE_PT_lens_presets.preset_subdir))
     return [file for folder in folders for file in folder.glob("*.py") if not file.name.startswith(".")]
 

@@ -86,7 +86,12 @@ def solved_words(scene: bpy.types.Scene, summary: str) -> str:
 
 
 def focus_on_person(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
-    """Put the nearest subject in focus where nobody has picked a focus, as `first_person.focus`."""
+    """Put the nearest subject in focus, unless the user has picked a focus.
+
+    Args:
+        operator: Reports a warning if people cannot be searched for.
+        scene: Scene with a solve.
+    """
     try:
         first_person.focus(scene)
     except UserError as error:

@@ -45,7 +45,10 @@ def prepare_render(scene: bpy.types.Scene) -> None:
 
 
 def output_problem(scene: bpy.types.Scene) -> str:
-    """Return why the clip cannot be rendered at the scene's size; empty where it can."""
+    """Explain why the clip cannot be rendered at the size of the scene's output, which has another shape.
+
+    It is empty if the clip can be rendered, and without a clip.
+    """
     try:
         return shape_problem(render_size(scene.render), picture_size(scene))
     except UserError:

@@ -37,9 +37,9 @@ PINHOLE = np.zeros(len(SIGMA))
 LONGEST, LONGEST_IN_FRAME = 800, 30
 """As of `self_calibration`, of the tracks that determine the lens."""
 MIN_TRACKS = 60
-"""Tracks with fewer of which, in either half of the clip, nothing is looked for."""
+"""Least tracks in each half of the clip; with fewer, neither distortion nor readout is estimated."""
 MIN_KEYS = 12
-"""Keyframes with fewer of which nothing is looked for."""
+"""Least keyframes, likewise."""
 BLOCKS = 8
 """Parts of the clip whose errors are taken to be independent of each other's."""
 SIGMAS = 4.0

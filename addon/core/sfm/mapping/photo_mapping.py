@@ -34,11 +34,12 @@ fail on photos taken from one place with a stretched arm."""
 NARROW_ANGLES = (2.0, 1.0)
 """Degrees with which focal lengths are held: see `keyframes.map_keyframes`."""
 ENOUGH = 0.8
-"""Share of the photos with which no other angle is tried."""
+"""Share of the photos in a model from which on no other angle is tried."""
 MAX_ERROR = 4.0
 """Pixels of a 1,000-pixel photo by which a match may miss its epipolar line: lenses bend."""
 MIN_ANGLE = 0.5
-"""Median degrees between a point's outermost rays below which there is no depth in the photos."""
+"""Least angle in degrees between the outermost rays of a point, median over the points; photos with less have
+too little parallax and are refused."""
 
 
 @dataclass(frozen=True)

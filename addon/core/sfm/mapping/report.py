@@ -22,11 +22,13 @@ MOVING = "something moves: click it to focus on it"
 WEAK = 30
 """Feature points; a frame with fewer has a mesh that knows little."""
 UNSURE_FOCAL = 0.02
+"""Relative standard deviation of the focal length above which the report advises to set it."""
 UNSURE_DEPTH = 0.015
-"""Relative standard deviations above which lengths are not to be relied on."""
+"""Relative standard deviation of depth above which the report advises a small blur."""
 UNTOLD_DEPTH = 0.5
-"""Relative error of a depth from which it is nearly unknown."""
+"""Relative standard deviation of depth above which the clip shows hardly any."""
 EXPLAINED = 0.8
+"""Share of the tracked points that the cameras explain; with less, the report warns of moving things."""
 WRONG_ERROR, WRONG_SHARE = 4.0, 0.005
 """Mean reprojection error, in pixels and in long sides, above both of which a model does not belong to these
 frames: COLMAP drops observations from 4 pixels on, and half a per cent is the limit for large pictures.

@@ -25,7 +25,7 @@ from .tracks import Progress
 
 # Chosen by inspection of solved photos.
 LONG_SIDE = 1600
-"""Pixels of the longer side; larger photos are shrunk for their features."""
+"""Longer side, in pixels, to which larger photos are reduced before their features are detected."""
 FEATURES = 4000
 """The strongest keypoints of a photo that are matched, of up to `FEW` photos."""
 FEW = 30
