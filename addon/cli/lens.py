@@ -30,6 +30,7 @@ from ..core.frame.meshers import MESHERS
 from ..core.frame.nearest_person import nearest_person
 from ..core.frame.options import FRAME_OPTIONS
 from ..core.frame.plan import FrameOptions
+from ..core.frame.repaired_depth import repaired_subject
 from ..core.frame.repairs import read_repairs
 from ..core.media.clip import Footage, FrameRange, describe, open_footage
 from ..core.media.masks import open_masks
@@ -40,7 +41,7 @@ from ..scene.focus import focus_marks
 from ..scene.focus.clicks import place_at, places
 from ..scene.lens import aperture_cloud
 from ..scene.lens.lens import frame_options, set_aperture, set_focus
-from ..scene.lens.repairs import add_repairs
+from ..scene.lens.repairs import add_repairs, repairs_of
 from ..scene.properties import VirtualApertureSettings
 from ..scene.sources import colour_space
 from ..scene.sources.shot import shot_of
@@ -156,8 +157,11 @@ def _chosen_focus(
             say(f"{marked} and in focus")
     for name, frame in focused_subjects(options):
         clip, at = shot_of(settings.id_data).context, first if frame is None else frame
+        repairs = repairs_of(settings)
         is_marked = any(each.name == name for each in clip.marked)
-        found.append(clip.subject_place(name, at) if is_marked else nearest_person(clip, at))
+        found.append(
+            repaired_subject(clip, name, at, repairs) if is_marked else nearest_person(clip, at, repairs)
+        )
     found.sort(key=lambda place: place.frame)
     for place in found:
         say(f"in focus: {place.distance:.4g} away at frame {place.frame}, from {place.source}")

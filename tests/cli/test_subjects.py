@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import bpy
@@ -61,6 +62,13 @@ def test_a_subject_is_kept_in_focus(work: Path, tmp_path: Path, capsys: pytest.C
     context = shot_of(scene).context
     place = context.subject_place("disc", AT)
     assert scene.virtual_aperture.focus_distance == pytest.approx(place.distance, rel=1e-3)
+    # A repair takes it with it.
+    file = tmp_path / "nearer.json"
+    stroke = {"kind": "nearer", "frame": AT, "places": [[X, Y]], "radius": 0.1, "amount": 1}
+    file.write_text(json.dumps([stroke]))
+    assert save(work, tmp_path / "c.blend", *named, "--focus-subject", f"disc@{AT}", "--repair", file) == 0
+    bpy.context.scene.frame_set(AT)
+    assert bpy.context.scene.virtual_aperture.focus_distance == pytest.approx(place.distance / 2, rel=0.05)
     # One end of a pull.
     assert (
         save(work, tmp_path / "b.blend", *named, "--focus-subject", f"disc@{AT}", "--focus-at", "0.9,0.2@15")

@@ -12,12 +12,14 @@ import pytest
 
 from addon.core.base.progress import Cancelled, checkpoint
 from addon.core.camera.reconstruction import Intrinsics
+from addon.core.frame.repairs import Repair
 from addon.core.media.clip import open_footage
 from addon.core.media.picture_file import Pixels
 from addon.core.subjects.clip_subjects import ClipSubjects
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.strokes import MarkedSubject, Stroke, with_stroke
 from addon.scene.build import build
+from addon.scene.lens.repairs import add_repairs
 from addon.scene.sources import subjects
 from addon.scene.sources.shot import shot_of
 from addon.ui import panels
@@ -186,6 +188,10 @@ def test_a_subject_is_carried_and_in_focus(
     assert mark.frame == FRAME and "Subject" in mark.places[0].source
     followed = [settings.marks.items[0].places[0].distance]
     assert np.isfinite(followed).all() and "In focus at frame 16" in capsys.readouterr().out
+    # A repair takes it with it.
+    add_repairs(settings, [Repair("nearer", FRAME, ((x / walls.WIDTH, y / walls.HEIGHT),), 0.1, 1.0)])
+    assert OPERATORS.focus_subject() == {"FINISHED"}
+    assert settings.marks.items[0].places[0].distance == pytest.approx(followed[0] / 2, rel=0.05)
 
 
 def test_a_subject_lights_up_from_the_frames_beside_it() -> None:

@@ -51,7 +51,7 @@ def subject_place(
     found = {each: inverse for each in frames if (inverse := standing(each)) is not None}
     if not found:
         asked = sorted({*frames[::EVERY], frames[-1], frame})
-        found = dict(_inverse_depths(reconstruction, depth, mask, asked))
+        found = dict(inverse_depths(reconstruction, depth, mask, asked))
         found = dict(zip(found, smoothed(list(found.values())).tolist(), strict=True)) if found else {}
     if not found:
         raise UserError(f"the subject {name} is not seen in any frame; mark it with a stroke where it is")
@@ -63,10 +63,22 @@ def subject_place(
     return Place(Focus(distance=distance), frame, distance, source, followed=followed, subject=name)
 
 
-def _inverse_depths(
+def inverse_depths(
     reconstruction: Reconstruction, depth: DepthSource, mask: Callable[[int], Mask], frames: Iterable[int]
 ) -> Iterable[tuple[int, float]]:
-    """Frames that show a subject, and the median inverse depth of its pixels there, in 1 / scene units."""
+    """Yield the frames that show a subject, and the median inverse depth of its pixels, in 1 / scene units.
+
+    Passes checkpoints.
+
+    Args:
+        reconstruction: Solve of the clip.
+        depth: Source of the depth of all pixels.
+        mask: Returns the subject (h, w) over a source frame, at any size.
+        frames: The frames.
+
+    Raises:
+        UserError: As of `DepthSource.at`.
+    """
     for frame in frames:
         checkpoint()
         shown = mask(frame)

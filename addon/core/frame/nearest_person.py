@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..base.arrays import Floats, Mask
@@ -12,21 +14,24 @@ from ..focus.place import Place
 from ..subjects.people import SMALLEST
 from .clip_context import ClipContext
 from .first_person import middle_of
+from .repaired_depth import repaired_subject
+from .repairs import Repair
 
 TURN = 13
 """Frames, half a second, in which focus goes from one person to another, as focus pullers do; most of as many
 must have the same nearest person, so that focus does not flicker."""
 
 
-def nearest_person(clip: ClipContext, frame: int) -> Place:
+def nearest_person(clip: ClipContext, frame: int, repairs: Sequence[Repair] = ()) -> Place:
     """Put the nearest person of each frame in focus.
 
-    Each person is followed as `ClipContext.subject_place` does. Where another one is the nearest for most of
+    Each person is followed as by `repaired_subject`. Where another one is the nearest for most of
     `TURN` frames, focus goes there in as many. Passes checkpoints.
 
     Args:
         clip: The clip.
         frame: Frame of the place.
+        repairs: Repairs of depth in their order.
 
     Returns:
         The place, with its distance in every frame of the clip.
@@ -41,7 +46,7 @@ def nearest_person(clip: ClipContext, frame: int) -> Place:
     inverse, shown = np.zeros((len(people), len(frames))), np.zeros((len(people), len(frames)), bool)
     for number, person in enumerate(people):
         with part(number, len(people)):
-            followed = clip.subject_place(person.name, frame).followed
+            followed = repaired_subject(clip, person.name, frame, repairs).followed
             inverse[number] = [1 / followed[each] for each in frames]
             shown[number] = [person.mask(each).mean() >= SMALLEST for each in frames]
     if not shown.any():

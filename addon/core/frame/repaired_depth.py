@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+
+import cv2
+import numpy as np
 
 from ..base.arrays import LinearRGBA, Map, Mask
 from ..camera.canvas import Canvas
 from ..depth.source import DepthSource, PixelDepth
 from ..focus.focus import Focus
-from ..focus.place import PlaceFinder
+from ..focus.follow import EVERY, smoothed
+from ..focus.place import Place, PlaceFinder
+from ..focus.subject import inverse_depths
 from ..optics.thin_lens import ThinLens
 from .clip_context import ClipContext
 from .highlights import HighlightSettings
 from .repairs import Repair, repaired
+
+COVERED = 1 / 3
+"""Share of a subject above which repairs may change its median depth: the outline of a painted region grows
+where it snaps to edges of the picture."""
 
 
 def with_repairs(
@@ -69,6 +78,37 @@ def repaired_places(
     return clip.places(frame, depth, partial(depth.covers, frame))
 
 
+def repaired_subject(clip: ClipContext, name: str, frame: int, repairs: Sequence[Repair]) -> Place:
+    """Focus on a subject and follow it through the clip, at the depth that repairs give it.
+
+    Args:
+        clip: The clip.
+        name: Name of the subject.
+        frame: Frame of the place.
+        repairs: Repairs in their order. "Sharp" ones are left out: they are in focus at any distance.
+
+    Raises:
+        UserError: As of `ClipContext.subject_place`.
+    """
+    place, mask = clip.subject_place(name, frame), partial(clip.subject, name)
+    kept = tuple(each for each in repairs if each.kind != "sharp")
+    if not kept:
+        return place
+    frames, depth = list(place.followed), _RepairedDepth(clip, kept, Focus(distance=1.0))
+    asked = sorted({*frames[::EVERY], frames[-1], frame})
+    covered = [each for each in asked if depth.covers_subject(each, mask(each))]
+    if not covered:
+        return place
+    found = dict(inverse_depths(clip.reconstruction, depth, mask, covered))
+    # A frame where the region snapped to a wrong edge does not count.
+    factors = smoothed([place.followed[each] * found[each] if each in found else 1.0 for each in asked])
+    followed = {each: place.followed[each] / float(np.interp(each, asked, factors)) for each in frames}
+    return replace(
+        place, focus=Focus(distance=followed[frame]), distance=followed[frame], followed=followed,
+        source=f"{place.source}, repaired",
+    )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class _RepairedDepth(DepthSource):
     """The clip's depth with repairs."""
@@ -92,12 +132,23 @@ class _RepairedDepth(DepthSource):
 
     def covers(self, frame: int, x: float, y: float) -> bool:
         """Return whether a repair covers fractions x, y of a frame's picture."""
-        for found in (_region(self.clip, each, frame) for each in self.repairs):
-            if found is not None:
-                rows, columns = found[0].shape
-                if found[0][min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)] > 0.5:
-                    return True
+        for painted in self._painted(frame):
+            rows, columns = painted.shape
+            if painted[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)]:
+                return True
         return False
+
+    def covers_subject(self, frame: int, shown: Mask) -> bool:
+        """Return whether repairs may change the median depth of a subject (h, w) of a frame."""
+        covered = np.zeros(shown.shape, bool)
+        for painted in self._painted(frame):
+            covered |= cv2.resize(painted.astype(np.uint8), shown.shape[::-1]) > 0
+        return bool(np.count_nonzero(covered & shown) > COVERED * np.count_nonzero(shown))
+
+    def _painted(self, frame: int) -> list[Mask]:
+        """The regions (h, w) of the repairs that a frame shows."""
+        found = (_region(self.clip, each, frame) for each in self.repairs)
+        return [each[0] > 0.5 for each in found if each is not None]
 
 
 def _region(clip: ClipContext, repair: Repair, frame: int) -> tuple[Map, Mask] | None:

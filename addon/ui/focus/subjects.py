@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -14,9 +14,12 @@ from ...core.base.progress import part
 from ...core.focus.place import Place
 from ...core.frame.clip_context import ClipContext
 from ...core.frame.nearest_person import nearest_person
+from ...core.frame.repaired_depth import repaired_subject
+from ...core.frame.repairs import Repair
 from ...core.subjects.carried import UNSURE
 from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
+from ...scene.lens.repairs import repairs_of
 from ...scene.sources import subjects
 from ...scene.sources.shot import shot_of
 from ..base.background_work import WorksMeanwhile
@@ -62,9 +65,9 @@ class WorksOnActive(OfActive, WorksMeanwhile):
         subject = subjects.active(context.scene.virtual_aperture)
         assert subject is not None  # `poll` asks for it.
         self._name, self._frame = subject.name, clip_frame(context.scene)
-        return self.work_on(shot_of(context.scene).context)
+        return self.work_on(shot_of(context.scene).context, repairs_of(context.scene.virtual_aperture))
 
-    def work_on(self, clip: ClipContext) -> Callable[[], Any]:
+    def work_on(self, clip: ClipContext, repairs: Sequence[Repair]) -> Callable[[], Any]:
         """Return the computation of the subject."""
         raise NotImplementedError
 
@@ -83,8 +86,8 @@ class VIRTUAL_APERTURE_OT_focus_subject(WorksOnActive, bpy.types.Operator):  # n
         options={"SKIP_SAVE"},
     )
 
-    def work_on(self, clip: ClipContext) -> Callable[[], Place]:
-        return partial(clip.subject_place, self._name, self._frame)
+    def work_on(self, clip: ClipContext, repairs: Sequence[Repair]) -> Callable[[], Place]:
+        return partial(repaired_subject, clip, self._name, self._frame, repairs)
 
     def finish(self, scene: bpy.types.Scene, found: Place) -> str:
         return focus_on(scene.virtual_aperture, self._frame, [found], self.add)
@@ -110,7 +113,7 @@ class VIRTUAL_APERTURE_OT_follow_nearest(WorksMeanwhile, bpy.types.Operator):  #
     def work(self, context: bpy.types.Context) -> Callable[[], Place]:
         clip = shot_of(context.scene).context
         self._frame = clip.reconstruction.image_at(clip_frame(context.scene))[0].frame
-        return partial(nearest_person, clip, self._frame)
+        return partial(nearest_person, clip, self._frame, repairs_of(context.scene.virtual_aperture))
 
     def finish(self, scene: bpy.types.Scene, found: Place) -> str:
         return focus_on(scene.virtual_aperture, self._frame, [found])
@@ -123,7 +126,7 @@ class VIRTUAL_APERTURE_OT_carry_subject(WorksOnActive, bpy.types.Operator):  # n
     bl_label = "Track Through Clip"
     doing = "Tracking the subject through the clip"
 
-    def work_on(self, clip: ClipContext) -> Callable[[], list[int]]:
+    def work_on(self, clip: ClipContext, _repairs: Sequence[Repair]) -> Callable[[], list[int]]:
         return partial(unsure_frames, clip, self._name)
 
     def finish(self, scene: bpy.types.Scene, found: list[int]) -> str:
