@@ -54,7 +54,7 @@ class ClipProperties:
     )
     equivalent: FloatProperty(
         name="Focal Length",
-        description="35 mm equivalent in millimetres, as phones and cameras report it",
+        description="35 mm equivalent in millimeters, as phones and cameras report it",
         min=1.0,
         soft_max=400.0,
         default=26.0,

@@ -173,8 +173,8 @@ class LensProperties:
         update=_edited(lens.on_radius),
     )
     metres_per_unit: FloatProperty(
-        name="Metres per Unit",
-        description="Size of one scene unit in metres; Blender then shows lengths in metres, too. 0 if"
+        name="Meters per Unit",
+        description="Size of one scene unit in meters; Blender then shows lengths in meters, too. 0 if"
         " unknown: a solve has an arbitrary scale, and f-stops assume one",
         min=0.0,
         soft_max=10.0,
@@ -185,12 +185,12 @@ class LensProperties:
     )
     guessed_scale: FloatProperty(
         name="Guessed Scale",
-        description="Size of one scene unit in metres by the height of people in the clip; 0 without a guess",
+        description="Size of one scene unit in meters by the height of people in the clip; 0 without a guess",
         options={"HIDDEN"},
     )
     subject_metres: FloatProperty(
         name="Subject Distance",
-        description="How far away what is in focus is, in metres. Until it is given, here or by Set Scale, a"
+        description="How far away what is in focus is, in meters. Until it is given, here or by Set Scale, a"
         " distance is assumed with which an f-stop blurs as it does on a 50 mm lens",
         get=depth_of_field.subject_metres,
         set=depth_of_field.set_subject_metres,

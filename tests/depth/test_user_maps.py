@@ -344,7 +344,7 @@ def test_what_is_no_depth_map_is_refused(
     colour.mkdir()
     for frame in FRAMES:
         cv2.imwrite(str(colour / f"{frame}.png"), rng.integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8))
-    with pytest.raises(UserError, match=r"1\.png is a colour picture, not a depth map"):
+    with pytest.raises(UserError, match=r"1\.png is a color picture, not a depth map"):
         open_depth(colour, clip).read(1)
     empty = tmp_path / "empty"
     empty.mkdir()

@@ -65,7 +65,7 @@ def test_depths_of_shifted_pictures_are_found_but_for_their_sign() -> None:
 
 
 def test_shifted_pictures_are_refused() -> None:
-    with pytest.raises(UserError, match="stabilised so that something in mid-scene stays in place"):
+    with pytest.raises(UserError, match="stabilized so that something in mid-scene stays in place"):
         refuse_shifted(turned_instead(made(stays=7.0), 7.0), KEYS)
 
 
@@ -91,7 +91,7 @@ def test_depths_in_another_order_than_the_motion_are_refused() -> None:
 def test_a_stabilised_clip_never_ends_as_a_success(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "clip", planes.stabilised(10, 6.0))
     said = refused(clip, tmp_path / "work")
-    assert "was stabilised" in said or "fits a scene" in said
+    assert "was stabilized" in said or "fit a static scene" in said
 
 
 @pytest.mark.long

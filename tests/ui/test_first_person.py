@@ -73,7 +73,7 @@ def test_the_nearest_person_takes_the_place_of_the_first_focus(
     assert settings.focus_distance == pytest.approx(walls.NEAR, rel=0.02)
     assert settings.blur == pytest.approx(blur, rel=1e-5)
     assert "In focus: the nearest person" in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
-    missing = "People are not recognised: this build of the extension has no networks"
+    missing = "People are not recognized: this build of the extension has no networks"
     details = panels.notices.VIRTUAL_APERTURE_PT_details
     assert missing not in " ".join(draw(details).texts)
     monkeypatch.setattr(Networks, "exist", False)

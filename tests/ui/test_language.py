@@ -178,7 +178,22 @@ def test_what_is_not_retired_is_left_alone(good: str) -> None:
     assert not _retired(good)
 
 
+def table_of_messages(*options: str) -> list[str]:
+    """Rows of the table of messages."""
+    command = [sys.executable, str(ROOT / "tools/messages.py"), *options]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+
+
 def test_messages_in_panels_are_short() -> None:
-    command = [sys.executable, str(ROOT / "tools/messages.py"), "--longer", "90"]
-    table = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert "| error |" in table and [line for line in table.splitlines() if line.startswith("| panel")] == []
+    table = table_of_messages("--longer", "90")
+    assert any(line.startswith("| error |") for line in table)
+    assert [line for line in table if line.startswith("| panel")] == []
+
+
+BRITISH = re.compile(r"\b(colour|grey|centre|(milli)?metre)s?\b|isation\b|\b(recogn|stabil|organ)ised\b")
+
+
+def test_labels_and_messages_are_spelled_as_blenders(registered: None) -> None:
+    texts = [line.rpartition(" | ")[0] for line in table_of_messages()]
+    assert len(texts) > 300
+    assert [text for text in (*shown(), *texts) if BRITISH.search(text.lower())] == []

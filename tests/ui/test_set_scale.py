@@ -54,7 +54,7 @@ def test_a_scale_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
         set_scale(metres=2.0)
     # No texture, and too few points: a scale from a guess would look right.
     few = build(scene, shot.footage, slanted_plane(LENS, count=8))
-    with pytest.raises(RuntimeError, match="the depth of this end is uncertain"):
+    with pytest.raises(RuntimeError, match="the depth here is uncertain"):
         set_scale(start=(0.02, 0.02), end=(0.98, 0.98), metres=2.0)
     assert few.metres_per_unit == 0
     scene.frame_set(40)

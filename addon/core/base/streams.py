@@ -67,7 +67,7 @@ def check() -> None:
     """Raise UserError if lines were lost for a reason other than a missing reader."""
     flush()
     if _lost:
-        raise UserError(f"standard output cannot be written: {_lost}; the command has done all else")
+        raise UserError(f"standard output cannot be written: {_lost}; all else is complete")
 
 
 def flush() -> None:

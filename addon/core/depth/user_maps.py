@@ -106,5 +106,5 @@ def _values(picture: NDArray[np.generic], name: str) -> Floats:
     steps = 0 if picture.dtype == np.float32 else GREY_STEPS
     apart = np.abs(colour[known] - values[known, None]).max(axis=-1)
     if np.median(apart - GREY_TOLERANCE * np.abs(values[known])) > steps:
-        raise UserError(f"{name} is a colour picture, not a depth map; depth maps are gray")
+        raise UserError(f"{name} is a color picture, not a depth map; depth maps are gray")
     return np.where(known, values, np.nan)

@@ -114,7 +114,7 @@ class Aperture:
     )  # fmt: skip
     """Radius of the secondary mirror in its middle, as a share of the aperture's: 0 for none."""
     apodisation: float = option(
-        0.0, "Apodisation", "How much light a filter absorbs at the rim: gives blur discs soft edges",
+        0.0, "Apodization", "How much light a filter absorbs at the rim: gives blur discs soft edges",
         least=0.0, most=MOST_LOST, unit="FACTOR",
     )  # fmt: skip
     """Share of the light that a filter takes at the rim, less inwards: (1 - a)^(r^2) passes."""
@@ -314,7 +314,7 @@ def open_cells(aperture: Aperture) -> tuple[Floats, Floats, float]:
     row, column = np.nonzero(share)
     if not len(row):
         raise UserError(
-            "no light passes the aperture: its ratio and central mirror cover what its image leaves open"
+            "the aperture lets no light through; lower its ratio or central mirror, or choose another image"
         )
     cells = (np.column_stack([column, row]) + 0.5) * 2 / CELLS - 1
     return _fixed(cells), _fixed(light[row, column]), float(share.sum() * (2 / CELLS) ** 2)

@@ -87,7 +87,7 @@ def _megasam(path: Path, size: tuple[int, int]) -> tuple[Reconstruction, tuple[s
     poses = finite(read["cam_c2w"], (-1, 4, 4), f"{path}, cam_c2w", "n x 4 x 4 numbers")
     shape = array_shapes(path).get("images", ())
     if len(shape) != 4:
-        raise UserError(f"{path}: expected images of n x h x w x 3, which tell the size of the intrinsics")
+        raise UserError(f"{path}: expected images of n x h x w x 3, which give the size of the intrinsics")
     scale = np.sqrt(AREA / (size[0] * size[1]))
     scaled = int(size[0] * scale), int(size[1] * scale)
     is_cut = tuple(side - side % MULTIPLE for side in scaled) == (shape[2], shape[1])
@@ -132,7 +132,7 @@ def _depth_anything(path: Path) -> tuple[Reconstruction, tuple[str, ...]]:
     read = read_arrays(path, DEPTH_ANYTHING, MOST)
     shape = array_shapes(path).get("depth", ())
     if len(shape) != 3:
-        raise UserError(f"{path}: expected depth of n x h x w, which tells the size of the intrinsics")
+        raise UserError(f"{path}: expected depth of n x h x w, which gives the size of the intrinsics")
     given = np.asarray(read["extrinsics"])
     rows = 4 if given.ndim == 3 and given.shape[1] == 4 else 3
     poses = finite(given, (shape[0], rows, 4), f"{path}, extrinsics", "n x 3 x 4 numbers")

@@ -66,7 +66,7 @@ class Lines(Iterator[tuple[int, bytes]]):
         if self._promise and self._promise[1] != count:
             place, promised = self._promise
             raise wrong(
-                place, f"{promised} {what} as it says, but {count} follow; delete it if that is meant"
+                place, f"{promised} {what} as in its header, but {count} follow; delete it if that is meant"
             )
 
 
@@ -126,7 +126,7 @@ def _points(path: Path) -> PointTable:
     numbers = table["line"].copy()
     dark = np.any((table["rgb"] < 0) | (table["rgb"] > 255), axis=1)
     if dark.any():
-        raise wrong(lines.place(numbers[np.argmax(dark)]), "colours from 0 to 255")
+        raise wrong(lines.place(numbers[np.argmax(dark)]), "colors from 0 to 255")
     points = Points(table["xyz"].copy(), table["rgb"].astype(np.uint8), table["error"].copy())
     return PointTable(table["key"].copy(), points, lambda row: f"{path}, line {numbers[row]}")
 

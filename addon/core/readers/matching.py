@@ -134,8 +134,8 @@ def _no_match(model: ImportedModel, footage: Footage) -> UserError:
     if not any(model.names):
         listed = ", or put list.txt beside the model" if model.format == bundler.FORMAT else ""
         return UserError(
-            f"the {model.format} model has {counted(count, 'camera')} without names, and {clip}: which"
-            f" picture each is of is not known; give the footage that was solved{listed}{every}",
+            f"the {model.format} model has {counted(count, 'camera')} without names, and {clip}: their"
+            f" pictures are unknown; give the footage that was solved{listed}{every}",
             *remedies,
         )
     if footage.files:

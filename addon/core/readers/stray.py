@@ -79,7 +79,7 @@ def depth(path: Path, frame: int) -> tuple[Floats, Floats] | None:
         return None
     millimetres = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if millimetres is None or millimetres.ndim != 2 or millimetres.dtype != np.uint16:
-        raise UserError(f"{file}: expected a gray picture of 16 bits, millimetres")
+        raise UserError(f"{file}: expected a gray picture of 16 bits, in millimeters")
     metres = np.where(millimetres > 0, millimetres / 1000.0, np.nan)
     level = cv2.imread(str(sure), cv2.IMREAD_UNCHANGED) if is_regular(sure) else np.full(metres.shape, SURE)
     if level is None or level.shape != metres.shape:

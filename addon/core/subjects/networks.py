@@ -219,7 +219,7 @@ def decoded(
     return found
 
 
-MISSING = "people are not recognised: this build of the extension has no networks"
+MISSING = "people are not recognized: this build of the extension has no networks"
 
 
 def _read(path: Path) -> cv2.dnn.Net:

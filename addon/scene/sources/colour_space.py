@@ -89,8 +89,8 @@ def _taken_apart(name: str, _working: str) -> ColourSpace:
     off = np.abs(space.to_light(probe) - truth) / np.maximum(scale, 1e-3)
     if not np.isfinite(off).all() or off.max() > ALIKE:
         raise UserError(
-            f"the color space {name} is a view or no color at all, which a clip cannot be in; choose the"
-            " camera's, or leave it empty for what the clip says"
+            f"the color space {name} is for views or data, not for a clip; choose that of the camera, or"
+            " leave it empty to use the clip's own"
         )
     return space
 

@@ -23,7 +23,7 @@ class VIRTUAL_APERTURE_OT_add_lens_camera(bpy.types.Operator):  # noqa: N801
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         camera = lens_camera.add_lens_camera(context.scene)
-        self.report({"INFO"}, f"{camera.name} has the lens over the scene's frames; render with Cycles")
+        self.report({"INFO"}, f"{camera.name} has the lens in the scene's frames; render with Cycles")
         return {"FINISHED"}
 
 

@@ -95,7 +95,7 @@ def focus_on_person(operator: bpy.types.Operator, scene: bpy.types.Scene) -> Non
     try:
         first_person.focus(scene)
     except UserError as error:
-        operator.report({"WARNING"}, f"People were not looked for: {error.worded(WORDS)}")
+        operator.report({"WARNING"}, f"People were not detected: {error.worded(WORDS)}")
 
 
 def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:

@@ -149,7 +149,7 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
         solved_clip_path(settings)
         if self.what == exports.LAYERS:
             if not has_focus(type(self), context):
-                raise UserError("nothing is in focus; the layers reach as far as that lens sees: Pick Focus")
+                raise UserError("nothing is in focus, so the extent of the layers is unknown; use Pick Focus")
             frame_options(settings, reconstruction_of(settings))
         made = begin(scene, self.what, absolute(self.directory), self.overwrite)
         if not bpy.app.background:

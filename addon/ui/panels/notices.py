@@ -68,7 +68,7 @@ def notices(context: bpy.types.Context) -> Iterator[Notice]:
     yield from _depth(settings)
     yield from _output(context.scene)
     if settings.marks.is_first and not Networks().exist:
-        yield Notice("No people recognised", (sentence(MISSING),))
+        yield Notice("No people recognized", (sentence(MISSING),))
     if settings.advice:
         yield Notice("Advice on the solve", (sentence(settings.advice),))
     if frame_notes.of(context.scene):

@@ -25,7 +25,7 @@ def _place(name: str, which: str) -> bpy.props.FloatVectorProperty:
     )  # fmt: skip
 
 
-UNCERTAIN = "the depth of this end is uncertain; click on an edge or texture"
+UNCERTAIN = "the depth here is uncertain; click on an edge or a textured surface"
 
 
 class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N801
@@ -44,7 +44,7 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
         min=0, options={"SKIP_SAVE", "HIDDEN"},
     )  # fmt: skip
     metres: bpy.props.FloatProperty(
-        name="Length in Metres",
+        name="Length in Meters",
         description="Distance between the two places, as measured on location",
         default=1.0,
         min=1e-6,

@@ -164,13 +164,13 @@ def refuse_shifted(made: Solution, keys: list[int]) -> None:
         return
     if compared.shifted > MIN_GAIN * compared.solved:
         raise UserError(
-            "this clip was stabilised so that something in mid-scene stays in place, which makes near and"
-            " far look alike; solve the clip as it was filmed, without stabilisation"
+            "this clip was stabilized so that something in mid-scene stays in place, which makes near and"
+            " far look alike; solve the clip as it was filmed, without stabilization"
         )
     if compared.shifted > TELLING_SCORE and compared.order < MIN_ORDER:
         raise UserError(
-            "the depth found contradicts which things pass in front of others in this clip; choose another"
-            " range of frames, or film with more sideways movement",
+            "the depth found contradicts the occlusions in this clip; choose another range of frames, or"
+            " film with more sideways movement",
             Remedy.FRAMES,
         )
 

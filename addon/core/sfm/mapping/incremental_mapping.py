@@ -137,7 +137,7 @@ def staying(tracks: Tracks, prior: FocalPrior, progress: Progress) -> Mapped:
     share = solution.explained(found.solution)
     reconstruction = solution.collect(found.solution)
     if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
-        raise UserError("too little of this clip stands still; choose another range of frames")
+        raise UserError("too little of this clip is static; choose another range of frames")
     return Mapped(
         normalise(reconstruction), STAYS, found.focal_sigma, found.focal_from_clip, 0.0, share, False,
         None, None,
@@ -176,8 +176,8 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progre
     explained = solution.explained(best)
     if explained < MIN_EXPLAINED:
         raise UserError(
-            f"only {100 * explained:.0f}% of what was tracked fits a scene that stands still: too much"
-            " moves on its own, or the pictures were stabilised or warped afterwards; choose another range"
+            f"only {100 * explained:.0f}% of the tracked points fit a static scene: too much moves on"
+            " its own, or the pictures were stabilized or warped afterwards; choose another range"
             " of frames, or solve the clip as it was filmed",
             Remedy.FRAMES,
         )
