@@ -22,6 +22,8 @@ from . import bokeh
 
 ROOT = Path(__file__).resolve().parents[2]
 """Holds the folder `presets`."""
+WIDE = 13
+"""Width of the popover in Blender's units of 20 pixels: the longest name of a preset is complete."""
 THUMBNAIL = 1.6
 """Rows that a preset is high. Chosen by inspection."""
 
@@ -81,6 +83,7 @@ class VIRTUAL_APERTURE_OT_add_lens_preset(AddPresetBase, bpy.types.Operator):  #
 
 class VIRTUAL_APERTURE_PT_lens_presets(PresetPanel, bpy.types.Panel):  # noqa: N801
     bl_label = "Lens Presets"
+    bl_ui_units_x = WIDE
     preset_subdir = VIRTUAL_APERTURE_OT_add_lens_preset.preset_subdir
     preset_operator = VIRTUAL_APERTURE_OT_use_lens_preset.bl_idname
     preset_add_operator = VIRTUAL_APERTURE_OT_add_lens_preset.bl_idname

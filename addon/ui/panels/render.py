@@ -54,7 +54,7 @@ class VIRTUAL_APERTURE_PT_passes(ClosedPanel, bpy.types.Panel):  # noqa: N801
         column.prop(layer.virtual_aperture_passes, "use_circle_of_confusion")
         column.prop(layer.virtual_aperture_passes, "use_in_focus")
         ours = layer.virtual_aperture_passes
-        layout.column(heading="Through the Lens").prop(ours, "use_range_matte")
+        layout.column(heading="Blurred Frame").prop(ours, "use_range_matte")
         if ours.use_range_matte:
             column = layout.column(align=True)
             for name, text in (("near", "Near"), ("far", "Far"), ("softness", "Softness")):
