@@ -18,7 +18,6 @@ from addon.core.depth.source import DepthSource, PixelDepth
 from addon.core.depth.sparse import FrameFeatures, frame_features
 from addon.core.depth.stereo_depth import whole_depth
 from addon.core.focus.focus import Focus
-from addon.core.focus.picking import pick
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import RESTORED, HighlightSettings
 from addon.core.media.clip import open_footage
@@ -30,6 +29,7 @@ from addon.core.subjects.strokes import MarkedSubject, Stroke
 from addon.core.warp.disocclusion_fill import HiddenColours
 
 from .. import store
+from ..picked import pick
 from . import oracle
 from .scenes import Picture, Scene
 

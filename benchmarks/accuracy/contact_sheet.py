@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import Floats
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.focus.focus import Focus
-from addon.core.focus.picking import pick
 from addon.core.media.clip import open_footage
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import Solve, load_solve
 
 from .. import store
+from ..picked import pick
 from .shop import data_folder
 
 Pixels = NDArray[np.uint8]

@@ -19,9 +19,9 @@ from addon.core.camera.reconstruction import (
     rotation_vector,
 )
 from addon.core.focus.focus import Focus
-from addon.core.focus.picking import pick
 from addon.core.frame.plan import FramePlan
 
+from ..picked import pick
 from . import lens_cases
 from .__main__ import Case, Measure
 from .reference import LENS, SCENE_SIZE, displacement_error, map_picture, moved, places, psnr, rendered, shot

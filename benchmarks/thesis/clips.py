@@ -16,7 +16,6 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.depth.sparse import FrameFeatures, frame_features
 from addon.core.focus.focus import Focus
-from addon.core.focus.picking import pick
 from addon.core.media.clip import Footage, open_footage
 from addon.core.media.light import to_linear
 from addon.core.sfm.process import SolveProcess
@@ -27,6 +26,7 @@ from sample_scenes import filming, staging, truth
 from sample_scenes.stage import Stage
 
 from .. import store
+from ..picked import pick
 
 FOLDER = store.ROOT / "build" / "figures"
 SAMPLES = 8

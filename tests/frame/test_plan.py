@@ -12,10 +12,10 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.depth.sparse import frame_features
 from addon.core.focus.focus import Focus, radius_for_blur
-from addon.core.focus.picking import pick
 from addon.core.frame.plan import FrameOptions
 from addon.core.optics.aperture_sampling import random_disc, views_needed, vogel_disc
 from addon.core.warp.mesh import delaunay
+from benchmarks.picked import pick
 
 from ..scenes import planned, slanted_plane, texture
 

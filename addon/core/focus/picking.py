@@ -10,7 +10,7 @@ from ..base.arrays import Floats, Ints
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
-from ..depth.sparse import FrameFeatures, frame_features
+from ..depth.sparse import FrameFeatures
 from ..media.clip import describe
 from .focus import Focus
 
@@ -24,25 +24,6 @@ SOFTENING = 2.0
 FRONTAL = 0.1
 """Weight of a frontal surface against the tilt that features around the click show. Chosen by inspection,
 where features lie in a row."""
-
-
-def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focus:
-    """Return the focus points for a click in a frame.
-
-    The four nearest features are taken whose mean depth is that of the clicked surface and whose depths
-    differ little. A click beside a silhouette then does not focus between subject and background, and a click
-    on a slope not in front of the place or behind it.
-
-    Args:
-        reconstruction: Solve of the clip.
-        frame: Number of the frame.
-        x: Fraction of the picture's width, from the left.
-        y: Fraction of its height, from the top.
-    """
-    check_place(reconstruction, frame, x, y)
-    image, _ = reconstruction.image_at(frame)
-    canvas = reconstruction.canvas(image)
-    return pick_features(frame_features(reconstruction, frame, canvas), canvas, x, y)
 
 
 def check_place(reconstruction: Reconstruction, frame: int, x: float, y: float) -> None:
@@ -69,7 +50,17 @@ def unsolved(reconstruction: Reconstruction, frame: int) -> str:
 
 
 def pick_features(features: FrameFeatures, canvas: Canvas, x: float, y: float) -> Focus:
-    """Return the focus of `pick` from a frame's features on its canvas.
+    """Return the focus points for a click in a frame.
+
+    The four nearest features are taken whose mean depth is that of the clicked surface and whose depths
+    differ little. A click beside a silhouette then does not focus between subject and background, and a click
+    on a slope not in front of the place or behind it.
+
+    Args:
+        features: Features of the frame on its canvas.
+        canvas: The canvas.
+        x: Fraction of the picture's width, from the left.
+        y: Fraction of its height, from the top.
 
     Raises:
         UserError: There are fewer than two features.
