@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import os
 import signal
 import subprocess
@@ -11,7 +12,6 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import IO
 
-from . import priority
 from .errors import UserError
 from .messages import PATIENCE, Failure, Message, Progress, Result, Warned, decode
 from .time_left import LEAST_SHARE, TimeLeft
@@ -23,6 +23,9 @@ ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
 """Environment of our processes; the user's variables take precedence. Threads of OpenBLAS and Accelerate wait
 for each other on small matrices. A solve of 87 frames at 368x480 on two idle cores takes 24.3 and 23.8
 instead of 31.9 and 29.6 CPU s (two runs each), and 22.9 and 22.5 instead of 24.2 and 22.6 s of wall time."""
+
+YIELDING = 10
+"""Niceness in [0, 19] of a process that lets the interface stay responsive. Chosen by inspection."""
 
 LOOK = 0.01
 """Seconds between two looks at a process that is waited for."""
@@ -101,12 +104,13 @@ class Job:
                 # Ctrl-C is for the parent, which ends the process.
                 start_new_session=True,
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)
-                | (priority.CREATION_FLAGS if yielding else 0),
+                | (getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0) if yielding else 0),
             )  # fmt: skip
         except OSError as error:
             raise UserError(f"the {self._program} cannot be started: {error.strerror}") from None
-        if yielding:
-            priority.let_others_go_first(process)
+        if yielding and hasattr(os, "setpriority"):
+            with contextlib.suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, process.pid, YIELDING)
         self._said, self._complained = _Lines(process.stdout), _Lines(process.stderr)
         self.is_running = True
 
