@@ -161,12 +161,7 @@ def test_by_render_clip(blend: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("ended", ["SIGTERM", "SIGKILL"])
 def test_no_process_stays_behind(blend: Path, tmp_path: Path, ended: str) -> None:
     temporary, out = tmp_path / "tmp", tmp_path / "o"
-    temporary.mkdir()
-    process = subprocess.Popen(
-        [sys.executable, str(HEADLESS), "render", str(blend), "--out", f"{out}/####.png", "--jobs", "2"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"TMPDIR": str(temporary)},
-        start_new_session=True,
-    )  # fmt: skip
+    process = rendering(blend, temporary, out, jobs=2)
     # The other process, and Cycles' of this one.
     until(lambda: len(running(temporary)) > 1 and any(out.glob("0*.png")))
     assert process.poll() is None
@@ -176,6 +171,28 @@ def test_no_process_stays_behind(blend: Path, tmp_path: Path, ended: str) -> Non
     if ended == "SIGTERM":
         assert process.returncode == 143
         assert not list(temporary.glob("virtual-aperture-*"))
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="processes are found in /proc")
+def test_a_process_that_must_be_killed_leaves_no_files(blend: Path, tmp_path: Path) -> None:
+    """It does not hear that it is to end, as on a machine that is too busy."""
+    temporary = tmp_path / "tmp"
+    process = rendering(blend, temporary, tmp_path / "o", jobs=2)
+
+    def others() -> set[int]:
+        """Processes, other than the command's, with a folder of their own: the one that shares frames."""
+        folders = temporary.glob("virtual-aperture-*[0-9a-f]")
+        return {int(path.name.split("-")[3]) for path in folders if path.is_dir()} - {process.pid}
+
+    until(others)
+    for each in others():
+        os.kill(each, signal.SIGSTOP)
+    process.terminate()
+    process.communicate()
+    until(lambda: not running(temporary))
+    assert process.returncode == 143
+    assert not list(temporary.glob("virtual-aperture-*"))
 
 
 @pytest.mark.parametrize("ended", ["SIGTERM", "alone"])
@@ -204,12 +221,7 @@ def test_who_draws_ahead_ends_while_it_waits(blend: Path, tmp_path: Path, ended:
 @pytest.mark.long
 def test_the_frame_is_named_where_cycles_fails(blend: Path, tmp_path: Path) -> None:
     temporary, out = tmp_path / "tmp", tmp_path / "o"
-    temporary.mkdir()
-    process = subprocess.Popen(
-        [sys.executable, str(HEADLESS), "render", str(blend), "--out", f"{out}/####.png", "--jobs", "1"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"TMPDIR": str(temporary)},
-        text=True,
-    )  # fmt: skip
+    process = rendering(blend, temporary, out, jobs=1)
     until(lambda: any(out.glob("0*.png")))
     for each in running(temporary):
         os.kill(each, signal.SIGKILL)
@@ -219,6 +231,16 @@ def test_the_frame_is_named_where_cycles_fails(blend: Path, tmp_path: Path) -> N
     assert "Traceback" not in said and not running(temporary)
     done("render", blend, "--out", tmp_path / "o" / "####.png", "--jobs", 1)
     assert contents(out) == contents(blend.parent / "one")
+
+
+def rendering(blend: Path, temporary: Path, out: Path, jobs: int) -> subprocess.Popen[str]:
+    """A command that renders a scene, with a folder of its own for temporary files."""
+    temporary.mkdir()
+    return subprocess.Popen(
+        [sys.executable, HEADLESS, "render", blend, "--out", f"{out}/####.png", "--jobs", str(jobs)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"TMPDIR": str(temporary)},
+        text=True, start_new_session=True,
+    )  # fmt: skip
 
 
 def running(temporary: Path) -> list[int]:
