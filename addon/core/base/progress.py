@@ -25,7 +25,9 @@ class _Scope:
     on_progress: OnProgress
     stage: str = ""
     low: float = 0.0
+    """Finished share of all work in [0, 1] at the beginning of the stage."""
     high: float = 1.0
+    """The same at its end."""
 
 
 _scope: ContextVar[_Scope | None] = ContextVar("progress", default=None)

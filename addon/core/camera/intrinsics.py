@@ -178,7 +178,7 @@ class Intrinsics:
         return rays
 
     def distort_jacobian(self, rays: Floats) -> Floats:
-        """Derivative (..., 2, 2) of `distort` at rays (..., 2)."""
+        """Return the derivative (..., 2, 2) of `distort` at rays (..., 2)."""
         result = np.broadcast_to(np.eye(2), (*rays.shape, 2))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             for stage in self._stages:

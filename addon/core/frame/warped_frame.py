@@ -76,7 +76,9 @@ class MeshedFrame:
     why: str = ""
     """The reason for another mesher than the selected one; empty otherwise."""
     depth_seconds: float = 0.0
+    """Wall time of its depth, if that had to be found."""
     mesh_seconds: float = 0.0
+    """Wall time of its mesh."""
 
     @property
     def softer(self) -> float:

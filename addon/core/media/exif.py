@@ -16,6 +16,7 @@ LARGEST = 2**20
 """Bytes from the beginning that are looked at; the pixels come after."""
 EXIF_IFD, WIDTH, HEIGHT = 0x8769, 0xA002, 0xA003
 FOCAL_MM, EQUIVALENT, RESOLUTION, RESOLUTION_UNIT = 0x920A, 0xA405, 0xA20E, 0xA210
+"""Tags of Exif 2.32."""
 MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 """Millimetres of the units of resolution; the default is inches."""
 SENSORS = (1.0, 70.0)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 MAGIC = b"\x76\x2f\x31\x01"
 VERSION = 2
+"""Version of the format: the lowest byte of the four after `MAGIC`."""
 TILED, LONG_NAMES, MULTI_PART = 0x200, 0x400, 0x1000
 """Flags beside the version."""
 SHORT_NAME, LONGEST_NAME = 31, 255

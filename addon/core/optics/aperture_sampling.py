@@ -96,11 +96,18 @@ def relaxed(positions: Floats, places: Floats, light: Floats, area: float) -> tu
 
 
 def views_needed(blur: float, prefiltered: bool) -> int:
-    """Number of views for a frame whose largest blur disc is `blur` pixels.
+    """Return the number of views for a frame, by its largest blur disc.
 
-    Plain ones: Vogel positions for a step edge at about 45 dB, fitted to measured 45, 80 and 130 at 16, 32
-    and 64 pixels. With a `prefiltered` texture as many as have the same error as those, PSNR and edges: 14,
-    20 and 30, in the mean over bars, fence and walk of `python -m benchmarks.timings.view_error`.
+    Plain views show a step edge with about 45 dB, fitted to measured 45, 80 and 130 views at 16, 32 and 64
+    pixels. With a prefiltered texture 14, 20 and 30 have the same error, PSNR and edges, in the mean over
+    bars, fence and walk of `python -m benchmarks.timings.view_error`.
+
+    Args:
+        blur: Diameter of the disc in pixels.
+        prefiltered: True if the texture is blurred for the views.
+
+    Raises:
+        UserError: The disc is infinitely large.
     """
     if not np.isfinite(blur):
         raise UserError("the blur disc is infinitely large; choose a smaller aperture")

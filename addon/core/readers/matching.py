@@ -27,6 +27,7 @@ NO_PATH = 1e-4
 """Largest distance of cameras of a pure rotation, in units of the typical distance of points."""
 ONLY_TURNS = "the camera only turns: all cameras are at one place, so the points have no depth of their own"
 SHOWN = 5
+"""Names of images in an error."""
 
 
 @dataclass(frozen=True)

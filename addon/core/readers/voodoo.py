@@ -25,6 +25,7 @@ from .poses import lens
 
 FORMAT = "Voodoo text export"
 NUMBERS = 28
+"""Numbers of a camera, one camera a line."""
 MOST_SIGHTINGS = 10_000_000
 """Most points times frames; beyond it, every frame gets its share of the points."""
 DIGITS = 6

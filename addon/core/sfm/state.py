@@ -17,6 +17,7 @@ MODEL = "model"
 DIGEST = "digest"
 """Digest of the rest of a state; a state edited by hand may lack it."""
 VERSION = 1
+"""Version of the state's format; a later one is refused."""
 LONGEST = 64 << 20
 """Bytes of a state at most: a frame's number takes ten, so it has room for days of video."""
 _TYPES: dict[str, type] = {"footage": str, "relative": str, "identity": str, "frames": list, "report": dict}

@@ -23,6 +23,7 @@ EDGE_CONTRAST = 0.15
 EDGE_SHARE = 85.0
 """Percentile of edges by sharpness: 0.42 px on bars, whose true filter has 0.42."""
 FEWEST_EDGES = 100
+"""Least edges that measure the point spread; with fewer it is `SPREAD`."""
 SPREAD = 0.42
 """Default point spread: standard deviation in pixels. Larger than the true one makes lamps too bright."""
 SPREADS = (0.38, 1.5)

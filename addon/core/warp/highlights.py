@@ -27,9 +27,10 @@ from .clipped_blobs import LUMA, PAD, Blobs, Patches, gaussian
 from .highlight_kinds import RADIANCES, UNCLIPPED, Lamps, as_tinted, by_area, is_known, tints
 
 MISFIT = 0.085
-"""Errors in square roots of linear light: of the model beside noise; OUTLIER of a pixel before its weight
-falls. From 0.05 to 0.115 by `tests/frame/test_highlights.py` and `benchmarks.accuracy.highlight_radiance`."""
+"""Error of the model beside noise, in square roots of linear light. Bounds from 0.05 to 0.115 by
+`tests/frame/test_highlights.py` and `benchmarks.accuracy.highlight_radiance`."""
 OUTLIER = 0.2
+"""Error of a pixel, in the same unit, from which its weight falls."""
 FINER = 4
 """Samples of outlines a pixel, along each axis."""
 STEP = 0.125

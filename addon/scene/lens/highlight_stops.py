@@ -10,7 +10,7 @@ LEAST, MOST = -4.0, 9.0
 
 
 def boost(settings: bpy.types.PropertyGroup) -> float:
-    """Stops by which highlights are brighter than estimated; 0 where they are not restored."""
+    """Return the stops by which highlights are brighter than estimated; 0 if they are not restored."""
     gain = settings.highlights
     return float(np.clip(np.log2(gain), LEAST, MOST)) if gain > 0 else 0.0
 

@@ -36,7 +36,7 @@ class Search:
     """Identity of the solve that it looks in."""
 
     def settings(self) -> bpy.types.PropertyGroup | None:
-        """The settings that wait for the result; None if the focus was picked or the clip solved again."""
+        """Return the settings that wait for the result; None after a pick of the focus or another solve."""
         scene = bpy.data.scenes.get(self.scene)
         if scene is None or scene.virtual_aperture.points is None:
             return None

@@ -153,11 +153,13 @@ def _moved(bundle: Bundle, basis: Floats, cameras: Floats, points: Floats, extra
 
 
 def stretched(bundle: Bundle, change: float) -> tuple[Bundle, Floats, Floats]:
-    """The focal length changed by the factor exp(`change`), and the scene in depth, so that pictures stay.
+    """Multiply the focal lengths by exp(`change`), and stretch the scene so that projections hardly change.
 
-    It is stretched along the first camera's axis, which cameras that look alike see nothing of. On its own, a
-    step of the focal length would at once leave the narrow, curved valley in which it is determined. Beside
-    it, (F, 3) and (P, 4), how translations and points begin to move.
+    The scene is stretched along the first camera's axis, to which cameras with parallel axes are blind. A
+    step of the focal length alone would leave the narrow, curved valley in which it is determined.
+
+    Returns:
+        The bundle, and the derivatives of translations (F, 3) and points (P, 4) by the change.
     """
     ahead = bundle.rotation[0, 2]
     centres = -np.einsum("fji,fj->fi", bundle.rotation, bundle.translation)

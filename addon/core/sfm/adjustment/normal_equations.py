@@ -168,9 +168,16 @@ def _camera_equations(grams: Floats, extra: int, lens: int) -> tuple[Floats, Flo
 
 
 def pose_derivatives(bundle: Bundle, seen: Observations, local: Floats) -> tuple[Floats, Floats, Floats]:
-    """Derivatives of projections by (turn, shift, log of the focal length), by points, and tangents.
+    """Return the derivatives of m projections in pixels.
 
-    Shapes are (m, 2, 7) and (m, 2, 3).
+    Args:
+        bundle: Cameras and points.
+        seen: The m observations.
+        local: (m, 3) their points in camera coordinates.
+
+    Returns:
+        (m, 2, 7) by the camera's turn, shift and logarithm of the focal length; (m, 2, 3) by the point along
+        its tangents; and the tangents of all points.
     """
     x, y, z = np.where(local[:, 2:] > 0, local, [0.0, 0.0, 1.0]).T
     focal, w = bundle.focal[seen.frame], bundle.points[seen.point, 3]

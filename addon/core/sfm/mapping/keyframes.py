@@ -40,7 +40,7 @@ OBSERVATIONS = 400_000
 
 
 def keyframes(tracks: Tracks) -> list[int]:
-    """Indices of frames at equal steps of image motion, first and last included."""
+    """Choose frames at equal steps of image motion, first and last included; return their indices."""
     count = len(tracks.frames)
     flow = np.zeros(count)
     for index in range(1, count):

@@ -61,7 +61,7 @@ class Rows:
         return self._made(lambda value: value.kept(rows) if isinstance(value, Rows) else value[rows])
 
     def joined(self, other: Self) -> Self:
-        """These rows, then the other's."""
+        """Return these rows, then the other's."""
         rest = (getattr(other, field.name) for field in fields(self))
         return self._made(
             lambda value: (

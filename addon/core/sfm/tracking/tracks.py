@@ -183,10 +183,10 @@ def run(
 
 
 def cuts(tracks: Tracks) -> tuple[int, ...]:
-    """Indices of the frames that begin another shot.
+    """Return the indices of the frames that begin another shot.
 
-    There no track lives on from before, and the picture, shifted as a pan would shift it, is not like the one
-    before. After a flash the old tracks go on, so it is none. The first frame begins nothing.
+    At a cut no track goes on from before, and the picture, shifted as a pan would shift it, is unlike the one
+    before. A flash is no cut, since the old tracks go on after it. The first frame is none either.
     """
     frames = len(tracks.frames)
     first, last = np.full(tracks.count, frames), np.full(tracks.count, -1)
