@@ -53,6 +53,9 @@ class DepthMaps(SideFiles):
 
     KIND = DEPTH_MAP
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return open_depth, (self.pictures.path, self.footage)
+
     def read(self, frame: int) -> DepthMap:
         """Return the map of one of the clip's frames; UserError where there is none or it holds no depth."""
         if frame not in self.numbers:

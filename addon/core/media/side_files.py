@@ -55,6 +55,10 @@ class SideFiles:
         notes += check_aspect(pictures, footage, cls.KIND)
         return cls(footage, pictures, numbers, tuple(notes))
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # Other processes open the files again (`base.parcel`).
+        return _opened, (type(self), self.pictures.path, self.footage)
+
     @property
     def frames(self) -> tuple[int, ...]:
         """The clip's frames that have a picture."""
@@ -70,6 +74,10 @@ class SideFiles:
             return self.pictures.read(self.numbers[frame])
         except UserError as error:
             raise UserError(f"{self.KIND}s: {error}") from error
+
+
+def _opened[S: SideFiles](kind: type[S], path: Path, footage: Footage) -> S:
+    return kind.of(path, footage)
 
 
 def match_frames(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int, int], list[str]]:
