@@ -173,6 +173,7 @@ def test_solving_again_keeps_the_focus_and_one_at_a_time(scene: bpy.types.Scene,
     with pytest.raises(RuntimeError, match=r"is being solved into here .*\(Working Folder\)"):
         bpy.ops.virtual_aperture.solve(again=True)
     Solving.running = solving = Solving(lambda: other)
+    solving.poll()
     try:
         with pytest.raises(RuntimeError, match="A clip is being solved; ESC cancels it"):
             bpy.ops.virtual_aperture.solve(again=True)

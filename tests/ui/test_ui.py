@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import bpy
@@ -11,9 +10,9 @@ import pytest
 
 import addon
 from addon.core.base.errors import UserError
-from addon.core.base.progress import Cancelled, checkpoint
 from addon.core.camera.reconstruction import Intrinsics, rotation_matrix
 from addon.core.media.clip import open_footage
+from addon.core.sfm.opening import Opening
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
 from addon.render.viewport.message import lines
@@ -24,7 +23,7 @@ from addon.ui.footage.solve import build_scene
 
 from .. import foreign_models as foreign
 from .. import planes
-from ..foreign_models import write_model
+from ..foreign_models import write_clip, write_model
 from ..in_blender import choose_clip, select
 from ..recorder import Recorder, draw
 from ..scenes import slanted_shot, write_frames
@@ -365,21 +364,14 @@ def test_a_solved_movie_clip_of_this_file_is_imported(scene: bpy.types.Scene, tm
     assert len(settings.points.data.vertices) == 40
 
 
-def test_opening_a_long_clip_is_told_and_cancelled_at_once(scene: bpy.types.Scene) -> None:
-    counted = 0
-
+def test_a_clip_is_opened_meanwhile_and_cancelled_at_once(scene: bpy.types.Scene, tmp_path: Path) -> None:
     def begin() -> SolveProcess:
-        nonlocal counted
-        # As `open_footage` counts frames.
-        while True:
-            counted += 1
-            checkpoint()
-            time.sleep(0.001)
+        raise AssertionError
 
-    solving = Solving(begin, "shot.mp4")
+    opening = Opening(write_clip(tmp_path / "clip"), False)
+    solving = Solving(begin, "shot.mp4", opening)
     assert [step.text for step in solving.poll()] == ["Reading the clip"]
     assert not solving.finished and not solving.ended
-    until(lambda: counted > 0)
     Solving.running = solving
     try:
         texts = draw(panels.main.VIRTUAL_APERTURE_PT_main).texts
@@ -387,9 +379,30 @@ def test_opening_a_long_clip_is_told_and_cancelled_at_once(scene: bpy.types.Scen
         Solving.running = None
     assert {"shot.mp4", "Reading the clip", "ESC cancels"} <= set(texts)
     solving.cancel()
-    assert solving.ended and counted > 0
-    with pytest.raises(Cancelled):
-        solving.poll()
+    assert solving.ended
+    until(lambda: opening._job.process is not None and opening._job.process.poll() is not None)
+
+
+def test_a_solve_begins_once_its_clip_is_open(tmp_path: Path) -> None:
+    begun = []
+
+    def begin() -> SolveProcess:
+        begun.append(True)
+        return SolveProcess(tmp_path / "clip", tmp_path / "work")
+
+    solving = Solving(begin, "clip", Opening(write_clip(tmp_path / "clip"), False))
+    assert not begun
+    until(lambda: solving.poll() is not None and begun)
+    assert solving.process is not None and solving.process.clip.path == tmp_path / "clip"
+    solving.cancel()
+
+
+def test_what_another_process_finds_wrong_with_a_clip_is_raised_here(tmp_path: Path) -> None:
+    (tmp_path / "broken.mp4").write_bytes(b"no film")
+    solving = Solving(lambda: SolveProcess(tmp_path, tmp_path), "", Opening(tmp_path / "broken.mp4", False))
+    with pytest.raises(UserError, match=r"broken\.mp4"):
+        until(lambda: solving.poll() is None)
+    assert solving.ended
 
 
 def test_what_opening_a_clip_raises_comes_to_who_waits() -> None:

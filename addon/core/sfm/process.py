@@ -159,12 +159,11 @@ class SolveProcess:
                 write_model(folder / CLOUD, thinned(held.reconstruction))
                 job["cloud"] = CLOUD
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
-        self._job.start([*self._command(), str(folder / "job.json")], self._yields, _environment())
+        self._job.start([*self._command(), str(folder / "job.json")], self._yields, environment())
 
     def _command(self) -> list[str]:
         """Command of the worker, without its job file."""
-        # -P: a folder called "addon" in the current directory must not be taken for ours.
-        return [_python(), "-P", "-m", "addon.core.sfm.worker"]
+        return python_command("worker")
 
     def poll(self) -> list[SolveProgress]:
         """Return the events since the last call, with `finished` at the end.
@@ -234,6 +233,12 @@ def _refuse_import(work_dir: Path) -> None:
         )
 
 
+def python_command(module: str) -> list[str]:
+    """Return the command that runs a module of this folder in Python alone; UserError without Python."""
+    # -P: a folder called "addon" in the current directory must not be taken for ours.
+    return [_python(), "-P", "-m", f"addon.core.sfm.{module}"]
+
+
 def _python() -> str:
     """Python for the worker. Blender's `sys.executable` is its own Python; some builds name the program."""
     if "python" in Path(sys.executable).name.lower():
@@ -246,7 +251,8 @@ def _python() -> str:
     return str(found[0])
 
 
-def _environment() -> dict[str, str]:
+def environment() -> dict[str, str]:
+    """Return the environment of such a process."""
     # The worker finds our package under the plain name `addon`, whatever Blender calls the extension,
     # and the wheels on the path that Blender made for them.
     above = Path(__file__).resolve().parents[3]

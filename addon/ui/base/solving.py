@@ -5,29 +5,37 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar
 
+from ...core.sfm.opening import Opening
 from ...core.sfm.process import SolveProcess, SolveProgress
 from ...core.sfm.tracking.tracker_pictures import Sight
-from .work import Work
 
 
 class Solving:
     """A solve from its first moment on.
 
-    The clip is opened and its frames counted, which takes seconds, in a thread, so that the interface stays
-    alive and ESC works.
+    In a window the clip is opened and its frames counted, which takes seconds, in another process, so that
+    the interface stays alive and ESC works.
     """
 
     running: ClassVar[Solving | None] = None
     """The last solve that was begun in this Blender; it may have ended."""
 
-    def __init__(self, begin: Callable[[], SolveProcess], clip: str = "") -> None:
-        """`begin` makes the process; it must not touch Blender's data. `clip` is its name, to be shown."""
+    def __init__(
+        self, begin: Callable[[], SolveProcess], clip: str = "", opening: Opening | None = None
+    ) -> None:
+        """Begin a solve.
+
+        Args:
+            begin: Makes the process.
+            clip: Name of the clip, to be shown.
+            opening: The clip that is opened before.
+        """
         self.clip = clip
         self.process: SolveProcess | None = None
         self.ended = False
         self.step = SolveProgress("Reading the clip", 0.0)
         """How far it is."""
-        self._opening = Work(begin, pauses_preview=False)
+        self._begin, self._opening = begin, opening
 
     @property
     def finished(self) -> bool:
@@ -41,11 +49,14 @@ class Solving:
 
     def poll(self) -> list[SolveProgress]:
         """Return `SolveProcess.poll`; also raises errors of opening the clip."""
-        if not self._opening.ended():
-            return [self.step]
         if self.process is None:
-            self.ended = self._opening.error is not None
-            self.process = self._opening.result()
+            try:
+                if self._opening is not None and not self._opening.poll():
+                    return [self.step]
+                self.process = self._begin()
+            except BaseException:
+                self.ended = True
+                raise
         steps = self.process.poll()
         if steps:
             self.step = steps[-1]
@@ -53,10 +64,10 @@ class Solving:
 
     def cancel(self) -> None:
         """End what is under way and leave the folder as it was; harmless after the end."""
-        self._opening.cancel()
-        self._opening.ended(None)
-        if self._opening.error is None:
-            self._opening.result().cancel()
+        if self._opening is not None:
+            self._opening.end()
+        if self.process is not None:
+            self.process.cancel()
         self.ended = True
 
 

@@ -14,6 +14,7 @@ from ...core.base.errors import UserError, with_words
 from ...core.media.clip import Footage
 from ...core.media.sequence import is_pattern
 from ...core.readers.matching import Imported
+from ...core.sfm.opening import Opening
 from ...core.sfm.process import SolveProcess
 from ...core.sfm.state import STATE
 from ...core.sfm.workspace import Solve, imported_from, load_solve
@@ -132,6 +133,7 @@ class Solves:
         self._depth = depth_ahead.give_way()
         # The user may go to another scene meanwhile.
         self._scene = context.scene.name
+        stills = settings.stills and (clip.is_dir() or is_pattern(clip))
         return Solving(
             partial(
                 SolveProcess,
@@ -142,10 +144,11 @@ class Solves:
                 zooms=settings.lens == "ZOOM",
                 yielding=not bpy.app.background,
                 cameras=self._cameras,
-                stills=settings.stills and (clip.is_dir() or is_pattern(clip)),
+                stills=stills,
                 depth_maps=absolute(settings.depth_maps, context.scene) if settings.depth_maps else None,
             ),
             clip.name,
+            None if bpy.app.background else Opening(clip, stills),
         )
 
     def solve_now(self, context: bpy.types.Context) -> Result:
