@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import threading
-
 import cv2
 import numpy as np
 
 from .arrays import Bytes, Map
+from .side_by_side import Lock
 
-_LOCK = threading.Lock()
+_LOCK = Lock()
 """Guards OpenCV's number of threads, which is global."""
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+
+from .side_by_side import Lock
 
 MOST = 64
 """Values that are remembered by default: small results of the frames around one."""
@@ -19,7 +20,7 @@ class LRUCache[V]:
     def __init__(self, limit: int = MOST, size: Callable[[V], int] = lambda value: 1) -> None:
         self._limit, self._size = limit, size
         self._kept: OrderedDict[Hashable, V] = OrderedDict()
-        self._lock = threading.Lock()
+        self._lock = Lock()
 
     def __contains__(self, key: Hashable) -> bool:
         return key in self._kept

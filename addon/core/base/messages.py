@@ -11,7 +11,6 @@ import json
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -127,6 +126,9 @@ def speak(when_alone: Callable[[], object] = end_itself) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)
+
+    # Only such a process has a thread.
+    import threading
 
     def watch() -> None:
         while os.read(0, 1):

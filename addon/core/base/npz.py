@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import re
-import threading
 import zipfile
 import zlib
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .regular_file import open_regular
+from .side_by_side import Lock
 
 PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 HEADER = 4096
@@ -99,7 +99,7 @@ class ArrayFile:
 
     def __init__(self, path: Path, names: tuple[str, ...]) -> None:
         """Open the first array of `names` that the file has; raises OSError or ValueError."""
-        self._path, self._lock = path, threading.Lock()
+        self._path, self._lock = path, Lock()
         try:
             self._archive = zipfile.ZipFile(open_regular(path))
             there = [name.removesuffix(".npy") for name in self._archive.namelist()]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from _thread import allocate_lock
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 
 from .limits import threads
 from .progress import in_this_scope
+
+Lock = allocate_lock
+"""Makes a lock for data that calls side by side share. It starts no thread."""
 
 
 def side_by_side[T, R](work: Callable[[T], R], things: Iterable[T]) -> list[R]:
@@ -21,5 +24,8 @@ def side_by_side[T, R](work: Callable[[T], R], things: Iterable[T]) -> list[R]:
     things = list(things)
     if min(threads(), len(things)) < 2:
         return [work(each) for each in things]
+    # Blender's process does not come here while a window shows the preview.
+    from concurrent.futures import ThreadPoolExecutor
+
     with ThreadPoolExecutor(threads()) as pool:
         return list(pool.map(in_this_scope(work), things))

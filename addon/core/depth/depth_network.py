@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from ..base.errors import UserError
 from ..base.progress import checkpoint
 from ..base.regular_file import read_regular
+from ..base.side_by_side import Lock
 from ..media.clip import Footage
 from ..media.light import encode_srgb, finite
 from ..media.packed_pictures import PackedPictures
@@ -44,7 +44,7 @@ class DepthNetwork:
     def __init__(self, path: Path) -> None:
         """OSError where there is no such file, ValueError where OpenCV refuses it or it takes no picture."""
         data = read_regular(path)
-        self._lock = threading.Lock()
+        self._lock = Lock()
         with _refusals():
             self._net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
         shape = _input_shape(data)
@@ -104,7 +104,7 @@ def open_network(path: Path, clip: Footage) -> PackedPictures:
         reason = (error.strerror if isinstance(error, OSError) else None) or error
         raise UserError(f"depth maps: {path.name} cannot be read: {reason}") from error
     # A second reader: reading frames around one would make the clip's own reader seek.
-    own, lock = replace(clip), threading.Lock()
+    own, lock = replace(clip), Lock()
 
     def decode(frame: int) -> Pixels:
         with lock:

@@ -6,7 +6,6 @@ Collins, "A space-sweep approach to true multi-image matching", 1996.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import cv2
@@ -14,7 +13,8 @@ import numpy as np
 
 from ..base.arrays import Bytes, Floats, Map
 from ..base.limits import threads
-from ..base.progress import checkpoint, in_this_scope
+from ..base.progress import checkpoint
+from ..base.side_by_side import side_by_side
 from .exposure import exposed_as
 from .semiglobal import STEPS, Costs
 
@@ -115,7 +115,6 @@ def sweep(reference: Bytes, views: Sequence[View], levels: Floats, guide: Map) -
     # The result does not depend on their number.
     workers = threads()
 
-    @in_this_scope
     def fill(first: int) -> None:
         filtering = cv2.ximgproc.createGuidedFilter(guide, GUIDE_RADIUS, GUIDE_EPSILON)
         room = np.empty((2, *reference.shape), np.uint8)
@@ -123,8 +122,7 @@ def sweep(reference: Bytes, views: Sequence[View], levels: Floats, guide: Map) -
             checkpoint(k / len(levels))
             costs[:, k] = _mismatch(reference, views, float(levels[k]), filtering.filter, room)
 
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(fill, range(workers)))
+    side_by_side(fill, range(workers))
     preferred = np.linspace(0, STEPS * FAR_PREFERENCE, len(levels))
     return _finished(costs, np.rint(preferred).astype(np.uint16))
 

@@ -6,7 +6,6 @@ Hirschmueller, "Stereo processing by semiglobal matching and mutual information"
 from __future__ import annotations
 
 import itertools
-from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -14,7 +13,8 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Indices, Map
 from ..base.limits import threads
-from ..base.progress import checkpoint, in_this_scope
+from ..base.progress import checkpoint
+from ..base.side_by_side import side_by_side
 
 Costs = NDArray[np.uint16]
 """(h, k, w) costs of the k levels of each pixel, in steps of 1 / `STEPS` grey levels."""
@@ -45,11 +45,12 @@ def semiglobal(costs: Costs, guide: Map) -> Costs:
         for part, light, total in ((costs, guide, down), (upright, guide.T, across))
         for columns in _blocks(light.shape[1])
     ]
-    with ThreadPoolExecutor(threads()) as pool:
-        # OpenCV does one level at a time faster than numpy all, and in all threads.
-        list(pool.map(in_this_scope(_transpose), costs.swapaxes(0, 1), upright.swapaxes(0, 1)))
-        list(pool.map(in_this_scope(_both_ways), *zip(*ways, strict=True)))
-        list(pool.map(in_this_scope(_add_transposed), down.swapaxes(0, 1), across.swapaxes(0, 1)))
+    # OpenCV does one level at a time faster than numpy all, and in all threads.
+    planes = zip(costs.swapaxes(0, 1), upright.swapaxes(0, 1), strict=True)
+    side_by_side(lambda both: _transpose(*both), planes)
+    side_by_side(lambda way: _both_ways(*way), ways)
+    planes = zip(down.swapaxes(0, 1), across.swapaxes(0, 1), strict=True)
+    side_by_side(lambda both: _add_transposed(*both), planes)
     return down
 
 

@@ -6,7 +6,6 @@ They are MediaPipe's (Bazarevsky et al., "BlazeFace", 2019; "BlazePose", 2020). 
 
 from __future__ import annotations
 
-import threading
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Bytes, Floats, Map
 from ..base.errors import UserError
+from ..base.side_by_side import Lock
 
 FOLDER = Path(__file__).resolve().parents[2] / "networks"
 SILHOUETTES = {"selfie_segmentation.tflite": 256, "selfie_segmentation_landscape.tflite": 144}
@@ -94,7 +94,7 @@ class Networks:
 
     def __init__(self, folder: Path = FOLDER) -> None:
         self._folder = folder
-        self._lock = threading.Lock()
+        self._lock = Lock()
         self._loaded: dict[str, cv2.dnn.Net] = {}
 
     @property
