@@ -33,10 +33,10 @@ def _nothing_left() -> Iterator[None]:
 
 
 def ticked(job: _Job) -> _Job:
-    main_thread._waiting.put(job)
+    main_thread._waiting.append(job)
     for _ in range(1000):
         main_thread._tick()
-        if job.ended.is_set():
+        if job.ended:
             return job
     raise AssertionError("the job never ended")
 
@@ -53,12 +53,12 @@ def test_an_error_is_handed_to_the_thread_that_waits() -> None:
 
 def test_a_cancelled_drawing_lets_go_of_the_gpu() -> None:
     job = _Job(steps(10**9, closed := []))
-    main_thread._waiting.put(job)
+    main_thread._waiting.append(job)
     main_thread._tick()
-    assert job.done > 0 and not job.ended.is_set()
+    assert job.done > 0 and not job.ended
     job.is_cancelled = True
     main_thread._tick()
-    assert job.ended.is_set() and closed == [True] and not job.made
+    assert job.ended and closed == [True] and not job.made
     assert main_thread._tick() == main_thread.IDLE
 
 
@@ -79,20 +79,20 @@ def test_without_a_window_it_is_drawn_at_once() -> None:
 
 def test_who_waits_for_a_drawing_that_is_dropped_is_told() -> None:
     job = _Job(steps(10**9, closed := []))
-    main_thread._waiting.put(job)
+    main_thread._waiting.append(job)
     main_thread._tick()
     queued = _Job(steps(3, []))
-    main_thread._waiting.put(queued)
+    main_thread._waiting.append(queued)
     main_thread.stop()
-    assert job.ended.is_set() and queued.ended.is_set() and closed == [True]
+    assert job.ended and queued.ended and closed == [True]
 
 
 def test_a_drawing_waits_for_a_gpu_context(monkeypatch: pytest.MonkeyPatch) -> None:
     job = _Job(steps(3, closed := []))
-    main_thread._waiting.put(job)
+    main_thread._waiting.append(job)
     monkeypatch.setattr(main_thread, "has_gpu_context", lambda: False)
     assert main_thread._tick() == main_thread.IDLE
-    assert not job.ended.is_set() and closed == []
+    assert not job.ended and closed == []
     monkeypatch.undo()
     main_thread._tick()
-    assert job.ended.is_set() and job.made == [PICTURE]
+    assert job.ended and job.made == [PICTURE]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import threading
-
 import bpy
 from bpy.app.handlers import persistent
 
+from ..gpu import main_thread
 from ..lens import blender_focus, lens
 
 
@@ -16,7 +15,7 @@ def _on_update(scene: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph | None = 
     if settings.points is None or settings.aperture_radius > 0 or lens.is_writing():
         return
     # A render's data are its own, on whichever thread.
-    if threading.current_thread() is not threading.main_thread() or bpy.app.is_job_running("RENDER"):
+    if not main_thread.is_here() or bpy.app.is_job_running("RENDER"):
         return
     if blender_focus.distance(settings) is not None:
         with lens.writing():

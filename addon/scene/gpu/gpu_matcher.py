@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,7 +27,7 @@ from ...core.depth import matching
 from ...core.depth.matching import Winners
 from ...core.depth.plane_sweep import View
 from . import gpu_sweep
-from .main_thread import has_gpu_context
+from .main_thread import has_gpu_context, is_here
 
 GPU = "VIRTUAL_APERTURE_GPU"
 """In the environment: 1 lets a software renderer sweep, too, as tests do; 0 lets no GPU, whatever it is."""
@@ -85,12 +84,8 @@ def _sweeps() -> bool:
     wish = os.environ.get(GPU, "")
     if wish == "0" or not (wish == "1" or is_real()):
         return False
-    if threading.current_thread() is not threading.main_thread():
-        # In a window the main thread sweeps for the others.
-        may = not bpy.app.background
-    else:
-        may = has_gpu_context()
-    if not may:
+    # In a window the main thread sweeps for the others.
+    if not (has_gpu_context() if is_here() else not bpy.app.background):
         return False
     if _problem is None:
         _problem = ""

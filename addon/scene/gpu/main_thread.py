@@ -1,4 +1,4 @@
-"""Work on Blender's main thread, in slices, while a render thread waits for the result.
+"""Work on Blender's main thread, in slices, while Blender's render thread waits for the result.
 
 With a window open, a render thread that holds the GPU stops the main thread at its next redraw: the
 interface would freeze and never see ESC. So the main thread itself draws, a little between its own events.
@@ -6,9 +6,9 @@ interface would freeze and never see ESC. So the main thread itself draws, a lit
 
 from __future__ import annotations
 
-import queue
-import threading
 import time
+from _thread import get_ident
+from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import Any
@@ -28,7 +28,9 @@ next."""
 SLICE = 0.04
 """Seconds of drawing between two looks at the interface's events."""
 IDLE = 0.02
-"""Seconds between two looks for work: the longest wait of a preview."""
+"""Seconds between two looks for work."""
+LOOK = 0.002
+"""Seconds between two looks of the thread that waits."""
 
 
 @dataclass
@@ -41,11 +43,18 @@ class _Job[T]:
     """Return value of the steps."""
     error: Exception | None = None
     is_cancelled: bool = False
-    ended: threading.Event = field(default_factory=threading.Event)
+    ended: bool = False
 
 
-_waiting: queue.SimpleQueue[_Job[Any]] = queue.SimpleQueue()
+_waiting = deque[_Job[Any]]()
 _current: _Job[Any] | None = None
+_main = get_ident()
+"""The thread that loads the extension."""
+
+
+def is_here() -> bool:
+    """Return whether this is the main thread; Blender renders in another one while a window is open."""
+    return get_ident() == _main
 
 
 def call[T](function: Callable[[], T]) -> T:
@@ -60,13 +69,14 @@ def call[T](function: Callable[[], T]) -> T:
 
 def draw[T](steps: Steps[T], total: int) -> T:
     """Run the steps to their end, with a checkpoint between them; raises what they raise, and Cancelled."""
-    if bpy.app.background or threading.current_thread() is threading.main_thread():
+    if bpy.app.background or is_here():
         return _draw_here(steps, total)
     job = _Job(steps)
-    _waiting.put(job)
+    _waiting.append(job)
     try:
-        while not job.ended.wait(0.05):
+        while not job.ended:
             checkpoint(job.done / total)
+            time.sleep(LOOK)
     except Cancelled:
         # Not waited for: Blender's main thread may itself be waiting for this one to end.
         job.is_cancelled = True
@@ -94,10 +104,9 @@ def _tick() -> float:
     global _current
     tend()
     if _current is None:
-        try:
-            _current = _waiting.get_nowait()
-        except queue.Empty:
+        if not _waiting:
             return IDLE
+        _current = _waiting.popleft()
     if not has_gpu_context():
         # As after a window was closed: the next redraw makes another one's context the active one.
         for area in redraw.areas():
@@ -117,7 +126,7 @@ def _tick() -> float:
     except Exception as error:  # raised again in the thread that waits
         job.error = error
     _current = None
-    job.ended.set()
+    job.ended = True
     return 0.0
 
 
@@ -151,11 +160,10 @@ def stop() -> None:
     global _current
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
-    left = [] if _current is None else [_current]
+    left = [*([] if _current is None else [_current]), *_waiting]
     _current = None
-    while not _waiting.empty():
-        left.append(_waiting.get_nowait())
+    _waiting.clear()
     for job in left:
         job.is_cancelled = True
         job.steps.close()
-        job.ended.set()
+        job.ended = True
