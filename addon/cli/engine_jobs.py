@@ -1,4 +1,4 @@
-"""Jobs of the engine in other processes: frames ahead of its render, and CG objects."""
+"""Jobs of the engine in other processes: frames ahead of its render, CG objects, and calls of a window."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import bpy
 
+from ..core.base import calls
 from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.base.messages import Progress, send, speak
@@ -15,7 +16,8 @@ from ..render import engine
 from ..render.cg import cg_process
 from ..render.cg.cycles_layers import serve
 from ..render.processes.frames_ahead import DrawnFrame, draw_ahead
-from ..render.views.gpu_views import check_gpu
+from ..render.processes.shots import ReceivedShots
+from ..render.views.gpu_views import check_gpu, start_gpu
 from .blend import open_blend, open_scene
 from .words import WORDS
 
@@ -50,7 +52,13 @@ def draw_frames(job: argparse.Namespace) -> None:
             send(Progress("frames", done, len(numbers), frame))
 
 
-JOBS = {"cg": draw_cg, "frames": draw_frames}
+def serve_clip(job: argparse.Namespace) -> None:
+    """Compute for a window, as `render.processes.clip_process` asks for it, until the process is ended."""
+    start_gpu()
+    calls.serve(Path(job.folder), ReceivedShots(Path(job.folder)))
+
+
+JOBS = {"cg": draw_cg, "clip": serve_clip, "frames": draw_frames}
 """By the name that stands in a job's file."""
 
 

@@ -38,7 +38,7 @@ from ..core.sfm.workspace import Solve
 from ..scene.base.timeline import go_to
 from ..scene.build import build
 from ..scene.focus import focus_marks
-from ..scene.focus.clicks import place_at, places
+from ..scene.focus.clicks import place_at
 from ..scene.lens import aperture_cloud
 from ..scene.lens.lens import frame_options, set_aperture, set_focus
 from ..scene.lens.repairs import add_repairs, repairs_of
@@ -150,9 +150,7 @@ def _chosen_focus(
     found = []
     first = _registered(reconstruction, frames)
     for x, y, frame in map(place_of, options.focus_at or ()):
-        clip = shot_of(settings.id_data).context
-        finder = places(settings, clip, first if frame is None else frame)
-        found.append(place_at(settings.id_data, finder, x, y)())
+        found.append(place_at(settings.id_data, first if frame is None else frame, x, y)())
         if marked := mark_new(settings, found[-1:]):
             say(f"{marked} and in focus")
     for name, frame in focused_subjects(options):

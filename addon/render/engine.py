@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 
 import bpy
@@ -29,7 +29,7 @@ from ..scene.lens.lens import frame_options
 from ..scene.sources.shot import Shot, shot_of
 from .cg.cg_process import draw_cg
 from .processes.frames_ahead import frame_ahead
-from .viewport.preview import FIRST, Wanted, has_depth, make_picture
+from .viewport.pictures import FIRST, Wanted, has_depth, make_picture
 from .viewport.viewport import PREVIEW, Shown, draw, update
 from .views import frame_notes
 from .views.average import OnFrame, draw_matte, render_frame
@@ -46,6 +46,9 @@ CHANNEL = {passes.DEPTH: "Z", passes.CIRCLE_OF_CONFUSION: "X", passes.IN_FOCUS: 
 """Name of a pass's channel in files."""
 REDRAW = 0.1
 """Seconds between two texts about a render's progress: more of them would only cost redraws."""
+
+_renders = ContextVar("renders", default=False)
+"""True on the thread that Blender renders on, as others that work side by side must not call Blender."""
 
 
 @dataclass
@@ -129,8 +132,8 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         """
         scene = depsgraph.scene_eval
         self._title, self._shown = frame_title(scene, self.is_animation), 0.0
-        self._thread = threading.get_ident()
         try:
+            _renders.set(True)
             with PREVIEW.paused(), reporting(self._on_progress):
                 checkpoint()
                 warn_of_ignored(self, depsgraph.scene)
@@ -247,7 +250,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         if self.test_break():
             raise Cancelled
         now = time.monotonic()
-        if now - self._shown < REDRAW or threading.get_ident() != self._thread:
+        if now - self._shown < REDRAW or not _renders.get():
             return
         self._shown = now
         if self.watch.on_progress is not None:

@@ -17,7 +17,7 @@ import addon
 from addon.core.focus.focus import Focus
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.clip import open_footage
-from addon.render.viewport.preview import FINE, FIRST, ROUGH, Wanted, make_picture
+from addon.render.viewport.pictures import FINE, FIRST, ROUGH, Wanted, make_picture
 from addon.render.views.gpu_views import check_gpu
 from addon.scene.sources.shot import Shot
 

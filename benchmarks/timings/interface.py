@@ -24,7 +24,7 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.media.clip import open_footage
-from addon.render.viewport.preview import COARSE, FAIR, FINE, FIRST, ROUGH, Wanted, make_picture
+from addon.render.viewport.pictures import COARSE, FAIR, FINE, FIRST, ROUGH, Wanted, make_picture
 from addon.render.views import gpu_views
 from addon.scene.build import build
 from addon.scene.lens.lens import frame_options

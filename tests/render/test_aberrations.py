@@ -29,7 +29,7 @@ from addon.core.optics.aberrations import Aberrations
 from addon.core.optics.aperture import Aperture
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.breathing import LEAST_ENLARGED, MOST_ENLARGED, enlargement
-from addon.render.viewport.preview import FINE, Wanted, make_picture
+from addon.render.viewport.pictures import FINE, Wanted, make_picture
 from addon.render.views.average import draw_mean, render_frame
 from addon.render.views.gpu_views import bend_rows, gpu_problem
 from addon.scene.build import build

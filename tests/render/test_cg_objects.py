@@ -217,13 +217,16 @@ def test_the_preview_draws_what_a_render_draws(solved: bpy.types.Scene) -> None:
     counts = []
     try:
         for _ in range(2):
+            wanted = cg_preview.wanted(solved, layer)
+            assert wanted is not None
             with cg_process.kept():
                 draws = (
-                    cg_preview.draw_preview(cg_preview.wanted(solved, layer), True),
+                    cg_preview.draw_preview(wanted, cg_preview.file_of(wanted)),
                     cg_process.draw_cg(solved, layer.name),
                 )
                 counts.append([len(draw(2, canvas, None).layers) for draw in draws if draw is not None])
             far.hide_set(False)
     finally:
+        cg_preview._drawing._end()
         cg_preview._on_load()
     assert near.visible_get() and counts == [[1, 1], [2, 2]]

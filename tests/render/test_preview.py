@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +11,10 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.base import calls
+from addon.core.base.calls import Call
 from addon.core.base.errors import UserError
-from addon.core.base.progress import checkpoint
+from addon.core.base.progress import Cancelled, checkpoint, reporting
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.frame.inspection import NAMES
@@ -21,8 +22,9 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL
 from addon.core.frame.repairs import Repair
 from addon.core.subjects.strokes import MarkedSubject
-from addon.render.viewport import preview, viewport
-from addon.render.viewport.preview import (
+from addon.render.processes.clip_process import ClipProcess
+from addon.render.viewport import pictures, preview, viewport
+from addon.render.viewport.pictures import (
     CLIP,
     COARSE,
     FAIR,
@@ -30,10 +32,10 @@ from addon.render.viewport.preview import (
     FIRST,
     ROUGH,
     Picture,
-    Preview,
     Wanted,
     make_picture,
 )
+from addon.render.viewport.preview import Preview
 from addon.render.views.average import render_frame
 from addon.scene.build import build
 from addon.scene.sources.shot import shot_of
@@ -53,18 +55,48 @@ def wanted(scene: bpy.types.Scene, tmp_path: Path) -> Wanted:
     return Wanted(shot_of(scene), 2, lens, (PLAIN.width, PLAIN.height))
 
 
+class Meanwhile(ClipProcess):
+    """Calls functions in threads of this process, whose pictures `make` makes."""
+
+    def call[T](self, function: Callable[[], T]) -> Call[T]:
+        call = Call[T](Path(), 0)
+        cancelled = threading.Event()
+        call.cancel = cancelled.set  # type: ignore[method-assign]
+
+        def on_progress(stage: str, share: float) -> None:
+            if cancelled.is_set():
+                raise Cancelled
+
+        def run() -> None:
+            calls._show = call.shown.append
+            try:
+                with reporting(on_progress):
+                    call._value.append(function())
+            except Exception as error:
+                call.error = error
+            call.ended = True
+
+        threading.Thread(target=run, daemon=True).start()
+        return call
+
+    def poll(self) -> None:
+        """Nothing comes from elsewhere."""
+
+
 @pytest.fixture
-def previews() -> Iterator[Previews]:
-    """Makes previews whose threads end with the test."""
+def previews(monkeypatch: pytest.MonkeyPatch) -> Iterator[Previews]:
+    """Makes previews whose pictures a function makes."""
     made: list[Preview] = []
 
     def begin(make: Callable[[Wanted, int], Picture]) -> Preview:
-        made.append(Preview(make))
+        monkeypatch.setattr(pictures, "make_picture", lambda wanted, level, file: make(wanted, level))
+        made.append(Preview(Meanwhile()))
         return made[-1]
 
     yield begin
+    calls._show = None
     for each in made:
-        each.close()
+        each.forget()
 
 
 def test_a_good_picture_stays_until_the_depth_is_mended(wanted: Wanted) -> None:
@@ -86,8 +118,12 @@ def test_a_good_picture_stays_until_the_depth_is_mended(wanted: Wanted) -> None:
     viewport.PREVIEW.forget()
 
 
-def eventually(condition: Callable[[], bool]) -> None:
-    until(condition, every=0.005)
+def eventually(shown: Preview, condition: Callable[[], bool]) -> None:
+    def is_so() -> bool:
+        shown.poll()
+        return condition()
+
+    until(is_so, every=0.005)
 
 
 class Maker:
@@ -112,16 +148,16 @@ def test_better_pictures_follow(previews: Previews, wanted: Wanted) -> None:
     maker = Maker()
     shown = previews(maker)
     shown.want(wanted)
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: not shown.is_busy())
     assert maker.made == [(2, COARSE), (2, FAIR), (2, FINE)]
     best = shown.best(wanted)
     assert best is not None and best.level == FINE
     shown.want(replace(wanted, frame=3, is_playing=True))
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: not shown.is_busy())
     # Of a film that is played no frame is worth more than a draft.
     assert maker.made[-1] == (3, FAIR)
     shown.want(wanted)
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: not shown.is_busy())
     assert maker.made[-1] == (3, FAIR), "the frame before was kept"
 
 
@@ -130,7 +166,7 @@ def test_the_feature_points_are_enough_to_begin_with(previews: Previews, wanted:
     shown = previews(maker)
     layers = replace(wanted, options=replace(wanted.options, method="layers"))
     shown.want(layers)
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: not shown.is_busy())
     assert maker.made == [(2, ROUGH), (2, FIRST), (2, COARSE), (2, FAIR), (2, FINE)]
     rough, fine = make_picture(layers, ROUGH), make_picture(wanted, FINE)
     means = [picture.linear.astype(float).mean(axis=(0, 1)) for picture in (rough, fine)]
@@ -148,10 +184,10 @@ def test_the_last_wish_counts(previews: Previews, wanted: Wanted) -> None:
     shown._draft_seconds = 2 * preview.QUICK
     maker.may.clear()
     shown.want(replace(wanted, frame=1))
-    eventually(lambda: (1, COARSE) in maker.begun)
+    eventually(shown, lambda: (1, COARSE) in maker.begun)
     shown.want(replace(wanted, frame=3))
     maker.may.set()
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: not shown.is_busy())
     assert maker.made[-1] == (3, FINE)
     # What is soon made is seen, what takes long is not made.
     assert (1, COARSE) in maker.made
@@ -162,16 +198,17 @@ def test_a_quick_draft_is_seen_although_another_frame_is_wanted(previews: Previe
     maker = Maker()
     shown = previews(maker)
     shown.want(wanted)
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: not shown.is_busy())
     maker.may.clear()
     late, last = replace(wanted, frame=1), replace(wanted, frame=3)
     shown.want(late)
-    eventually(lambda: (1, FAIR) in maker.begun)
+    eventually(shown, lambda: (1, FAIR) in maker.begun)
     shown.want(last)
+    shown.poll()
     assert shown.best(last) is None
     maker.may.set()
-    eventually(lambda: (1, FAIR) in maker.made)
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: (1, FAIR) in maker.made)
+    eventually(shown, lambda: not shown.is_busy())
     assert (1, FINE) not in maker.begun, "time for a frame that nobody looks at"
     best = shown.latest(last)
     assert best is not None and (best.wanted.frame, best.level) == (3, FINE)
@@ -185,14 +222,14 @@ def test_a_better_size_is_made_anew(previews: Previews, wanted: Wanted) -> None:
     )
     small = replace(wanted, size=(80, 45))
     shown.want(small)
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: not shown.is_busy())
     shown.want(wanted)
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: not shown.is_busy())
     best = shown.best(wanted)
     assert best is not None and best.linear.shape[:2] == (90, 160)
     count = len(maker.made)
     shown.want(small)
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: not shown.is_busy())
     assert len(maker.made) == count
 
 
@@ -201,29 +238,29 @@ def test_pausing_ends_what_is_under_way(previews: Previews, wanted: Wanted) -> N
     shown = previews(maker)
     maker.may.clear()
     shown.want(wanted)
-    eventually(lambda: bool(maker.begun))
+    eventually(shown, lambda: bool(maker.begun))
     with shown.paused():
         maker.may.set()
-        time.sleep(0.05)
-        assert maker.made == [] and shown.best(wanted) is None
-    eventually(lambda: not shown.is_busy())
+        eventually(shown, lambda: shown._call is None)
+        assert maker.made == [] and shown.best(wanted) is None and not shown.is_busy()
+    eventually(shown, lambda: not shown.is_busy())
     assert maker.made[-1] == (2, FINE)
 
 
 def test_problems_are_told_and_not_tried_again(previews: Previews, wanted: Wanted) -> None:
-    calls = []
+    made = []
 
     def fail(_wanted: Wanted, level: int) -> Picture:
-        calls.append(level)
+        made.append(level)
         raise UserError("the clip is gone; choose it again")
 
     shown = previews(fail)
     shown.want(wanted)
-    eventually(lambda: bool(shown.problem(wanted)))
+    eventually(shown, lambda: bool(shown.problem(wanted)))
     assert shown.problem(wanted) == "the clip is gone; choose it again"
     shown.want(wanted)
-    eventually(lambda: not shown.is_busy())
-    assert len(calls) == 1
+    eventually(shown, lambda: not shown.is_busy())
+    assert len(made) == 1
     shown.forget()
     assert shown.problem(wanted) == ""
 
@@ -235,7 +272,7 @@ def test_pictures_are_forgotten_at_a_limit(
     shown = previews(Maker())
     for frame in range(1, 6):
         shown.want(replace(wanted, frame=frame))
-        eventually(lambda: not shown.is_busy())
+        eventually(shown, lambda: not shown.is_busy())
     kept = [frame for frame in range(1, 6) if shown.best(replace(wanted, frame=frame)) is not None]
     assert kept == [3, 4, 5]
 
@@ -254,7 +291,7 @@ def test_the_best_picture_is_what_is_rendered(wanted: Wanted) -> None:
 def test_coarse_pictures_are_like_the_best_one(wanted: Wanted) -> None:
     large = replace(wanted, size=(640, 360), options=replace(wanted.options, quality=NORMAL))
     fine, coarse = make_picture(large, FINE), make_picture(large, COARSE)
-    assert max(coarse.linear.shape) <= preview.COARSE_SIDE
+    assert max(coarse.linear.shape) <= pictures.COARSE_SIDE
     means = [picture.linear.astype(float).mean(axis=(0, 1)) for picture in (fine, coarse)]
     assert np.allclose(*means, atol=0.01)
 
@@ -263,13 +300,13 @@ def test_the_clip_is_added_to_a_picture_that_is_there(previews: Previews, wanted
     maker, as_shot = Maker(), np.full((90, 160, 4), 7, np.float16)
     shown = previews(lambda w, level: replace(maker(w, level), clip=as_shot if w.with_clip else None))
     shown.want(wanted)
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: not shown.is_busy())
     plain = shown.best(wanted)
     assert plain is not None and plain.clip is None
     del maker.made[:]
     both = replace(wanted, with_clip=True)
     shown.want(both)
-    eventually(lambda: not shown.is_busy())
+    eventually(shown, lambda: not shown.is_busy())
     assert maker.made == [(2, CLIP)], "nothing is drawn anew"
     best = shown.best(both)
     assert best is not None and best.level == FINE

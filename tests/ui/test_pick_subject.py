@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,8 +9,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.base.progress import Cancelled, checkpoint
+from addon.core.base import calls
 from addon.core.camera.reconstruction import Intrinsics
+from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.repairs import Repair
 from addon.core.media.clip import open_footage
 from addon.core.media.picture_file import Pixels
@@ -21,18 +21,16 @@ from addon.core.subjects.strokes import MarkedSubject, Stroke, with_stroke
 from addon.scene.build import build
 from addon.scene.lens.repairs import add_repairs
 from addon.scene.sources import subjects
-from addon.scene.sources.shot import shot_of
+from addon.scene.sources.shot import Shot, shot_of
 from addon.ui import panels
-from addon.ui.base.work import Work
 from addon.ui.focus.subjects import VIRTUAL_APERTURE_UL_subjects
-from addon.ui.picking.pick_subject import LitUp, Shown
+from addon.ui.picking.pick_subject import light_up, marked_person, people_of
 from addon.ui.picking.pick_view import INSIDE, OUTLINE, tinted
 
 from .. import planes
 from ..recorder import Recorder, draw
 from ..scenes import slanted_shot
 from ..subjects import walls
-from ..waiting import PATIENCE
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 OPERATORS = bpy.ops.virtual_aperture
@@ -194,7 +192,14 @@ def test_a_subject_is_carried_and_in_focus(
     assert settings.marks.items[0].places[0].distance == pytest.approx(followed[0] / 2, rel=0.05)
 
 
-def test_a_subject_lights_up_from_the_frames_beside_it() -> None:
+def shot_with(clip: ClipContext) -> Shot:
+    """A shot whose clip is in memory."""
+    shot = object.__new__(Shot)
+    shot.__dict__["context"] = clip
+    return shot
+
+
+def test_a_subject_lights_up_from_the_frames_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the static scene, which takes many times as long."""
     filmed, asked = walls.filmed(walls.with_disc), set[int]()
 
@@ -205,10 +210,11 @@ def test_a_subject_lights_up_from_the_frames_beside_it() -> None:
     clip = replace(filmed, read=read)
     x, y = walls.place(FRAME)
     line = tuple(((x + dx) / walls.WIDTH, (y + dy) / walls.HEIGHT) for dx, dy in ((-12, -8), (12, 8)))
-    lit = LitUp(clip.carried(MarkedSubject("disc", (Stroke(FRAME, line),))), FRAME)
-    work = Work(lit)
-    assert work.ended(60) and work.result() is lit.mask
-    assert walls.overlap(work.result(), walls.disc(FRAME)) > 0.85
+    shown: list[object] = []
+    monkeypatch.setattr(calls, "_show", shown.append)
+    lit = light_up(shot_with(clip), MarkedSubject("disc", (Stroke(FRAME, line),)), FRAME)
+    assert shown[-1] is lit
+    assert walls.overlap(lit, walls.disc(FRAME)) > 0.85
     assert asked <= set(range(FRAME - 2, FRAME + 3))
 
 
@@ -218,14 +224,15 @@ def test_a_person_who_was_found_is_shown_and_taken_over_by_a_correction() -> Non
     filmed = walls.filmed(walls.with_person, tuple(range(11, 17)))
     clip = replace(filmed, known_subjects=ClipSubjects(filmed.reconstruction, filmed.read))
     # While people would have to be looked for, a stroke waits for nothing.
-    assert Shown(clip, 14)() is None
+    assert people_of(shot_with(clip), 14) == {}
     (person,) = clip.people
-    shown = Shown(clip, 14)
-    assert np.array_equal(shown(), person.mask(14))
+    people = people_of(shot_with(clip), 14)
+    assert np.array_equal(people[person.name], person.mask(14))
     y, x = np.argwhere(person.mask(14)).mean(axis=0) / person.mask(14).shape
-    (stroke,) = shown.marked(Stroke(14, ((x, y),), adds=False))
+    (stroke,) = marked_person(Stroke(14, ((x, y),), adds=False), 14, people)
     assert stroke.frame == 14 and stroke.adds and len(stroke.places) == 5
-    assert shown.marked(Stroke(15, ((x, y),))) == shown.marked(Stroke(14, ((0.01, 0.01),))) == ()
+    for other in (Stroke(15, ((x, y),)), Stroke(14, ((0.01, 0.01),))):
+        assert marked_person(other, 14, people) == ()
 
 
 def test_a_stroke_leaves_what_is_known_of_the_clip(
@@ -245,26 +252,6 @@ def test_a_stroke_leaves_what_is_known_of_the_clip(
     black = np.zeros((LENS.height, LENS.width, 3), np.uint8)
     settings.masks = str(planes.write_clip(tmp_path / "masks", [black] * len(after.footage.frames)))
     assert shot_of(scene).context._subjects is not after.context._subjects
-
-
-def test_work_that_is_cancelled_ends_before_the_next_begins() -> None:
-    entered, log = threading.Event(), []
-
-    def endless() -> None:
-        try:
-            while True:
-                entered.set()
-                checkpoint()
-        finally:
-            log.append("ended")
-
-    first = Work(endless)
-    assert entered.wait(PATIENCE)
-    second = Work(lambda: log.append("next"), after=first)
-    first.cancel()
-    assert second.ended(PATIENCE) and log == ["ended", "next"]
-    with pytest.raises(Cancelled):
-        first.result()
 
 
 def test_a_stroke_that_takes_away_leaves_the_others() -> None:

@@ -12,8 +12,9 @@ import pytest
 import addon
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media import picture_file
+from addon.render.processes.clip_process import CLIP
 from addon.render.viewport import viewport
-from addon.render.viewport.preview import Wanted
+from addon.render.viewport.pictures import Wanted
 from addon.scene.build import build
 from addon.scene.lens import lens
 from addon.scene.sources.shot import shot_of
@@ -75,7 +76,7 @@ def test_nothing_is_left(off: None) -> None:
         assert {name for name in before if before[name] != after[name]} == set()
 
 
-def test_timers_and_threads_end(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_timers_and_processes_end(scene: bpy.types.Scene, tmp_path: Path) -> None:
     from addon.ui.jobs import depth_ahead
 
     made = slanted_shot(tmp_path, LENS)
@@ -84,13 +85,15 @@ def test_timers_and_threads_end(scene: bpy.types.Scene, tmp_path: Path) -> None:
     shot = shot_of(scene)
     wanted = Wanted(shot, 1, lens.frame_options(settings, shot.reconstruction), (160, 90))
     viewport.PREVIEW.want(wanted)
+    viewport.PREVIEW.poll()
     viewport._watch()
     bpy.app.timers.register(depth_ahead._tick)
-    names = {thread.name for thread in threading.enumerate()}
-    assert "preview" in names
+    job = CLIP.job
+    assert job is not None and job.is_running and job.process is not None
     addon.unregister()
     try:
-        assert "preview" not in {thread.name for thread in threading.enumerate()}
+        assert CLIP.job is None and job.process.poll() is not None
+        assert not bpy.app.timers.is_registered(CLIP._timer)
         assert not bpy.app.timers.is_registered(viewport._tick)
         assert not bpy.app.timers.is_registered(depth_ahead._tick)
     finally:
@@ -98,12 +101,10 @@ def test_timers_and_threads_end(scene: bpy.types.Scene, tmp_path: Path) -> None:
 
 
 def test_a_solve_under_way_ends(scene: bpy.types.Scene) -> None:
-    from addon.core.base.progress import checkpoint
     from addon.ui.base.solving import Solving, running_solve
 
     def begin() -> None:
-        while True:
-            checkpoint()
+        raise AssertionError
 
     solving = Solving.running = Solving(begin)
     addon.unregister()

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import threading
 from collections import OrderedDict
+from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 from bpy.app.handlers import persistent
 
+from ...core.base.atomic import temporary_folder
 from ...core.camera.canvas import Canvas
 from ...core.camera.reconstruction import Intrinsics
 from ...core.depth.source import PixelDepth
 from ...core.frame.cg_layers import NO_CG, CGObjects, DrawCG
 from ...scene.base.timeline import clip_frame
 from ...scene.cg_objects import cg_objects, stays_sharp
+from ..processes.blend_file import write_blend
 from .cg_process import CGProcess
 
 KEPT = 8
@@ -36,31 +39,23 @@ class CGWanted:
 
 
 class _Process:
-    """The process that draws for the preview, of the objects as they were at a version."""
+    """The process that draws for the preview, of a .blend."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
         self._process: CGProcess | None = None
-        self._of: tuple[object, ...] | None = None
+        self._of: Path | None = None
 
-    def draw(self, wanted: CGWanted, pinhole: Intrinsics, depth: PixelDepth | None) -> CGObjects:
-        """Return the objects of `CGProcess.draw`, begun anew after a change."""
-        of = wanted.scene, wanted.objects, wanted.version
-        with self._lock:
-            if self._process is None or self._of != of:
-                self._end()
-                self._process = CGProcess(wanted.scene, is_preview=True)
-                self._of = of
-            try:
-                return self._process.draw(wanted.layer, wanted.frame, pinhole, depth)
-            except BaseException:
-                if not self._process.is_alive:
-                    self._end()
-                raise
-
-    def end(self) -> None:
-        with self._lock:
+    def draw(self, file: Path, wanted: CGWanted, pinhole: Intrinsics, depth: PixelDepth | None) -> CGObjects:
+        """Return the objects of `CGProcess.draw`, begun anew with another file."""
+        if self._process is None or self._of != file:
             self._end()
+            self._process, self._of = CGProcess(wanted.scene, file), file
+        try:
+            return self._process.draw(wanted.layer, wanted.frame, pinhole, depth)
+        except BaseException:
+            if not self._process.is_alive:
+                self._end()
+            raise
 
     def _end(self) -> None:
         if self._process is not None:
@@ -70,6 +65,10 @@ class _Process:
 
 _drawing = _Process()
 _version = 0
+_written: tuple[tuple[object, ...], Path] | None = None
+"""The objects as they were written last, and the .blend with them,"""
+_held = ExitStack()
+"""in a folder that this holds."""
 _kept: OrderedDict[CGWanted, tuple[Intrinsics, CGObjects]] = OrderedDict()
 """As they were drawn last, and for which canvas."""
 
@@ -80,12 +79,35 @@ def wanted(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> CGWanted | Non
     return CGWanted(scene.name, layer.name, clip_frame(scene), objects, _version) if objects else None
 
 
-def draw_preview(asked: CGWanted | None, waits: bool) -> DrawCG | None:
+def file_of(wanted: CGWanted) -> Path:
+    """Return a .blend with the CG objects as they are now, for the process that draws them.
+
+    Raises:
+        UserError: It cannot be written.
+    """
+    global _written
+    of = wanted.scene, wanted.objects, wanted.version
+    if _written is None or _written[0] != of:
+        _forget_file()
+        file = _held.enter_context(temporary_folder()) / "scene.blend"
+        write_blend(file)
+        _written = of, file
+    return _written[1]
+
+
+def _forget_file() -> None:
+    global _written
+    _written = None
+    _held.close()
+
+
+def draw_preview(asked: CGWanted | None, file: Path | None) -> DrawCG | None:
     """Return the function that draws the CG objects of a preview; None without objects.
 
     Args:
         asked: The objects.
-        waits: True to wait for Cycles; else the last drawing of this frame is returned, of any size.
+        file: The .blend of `file_of` to wait for Cycles; without it the last drawing of this frame is
+            returned, of any size.
     """
     if asked is None:
         return None
@@ -93,11 +115,11 @@ def draw_preview(asked: CGWanted | None, waits: bool) -> DrawCG | None:
     def draw(_: int, canvas: Canvas, depth: PixelDepth | None) -> CGObjects:
         pinhole = canvas.pinhole
         kept = _kept.get(asked)
-        if kept is not None and (kept[0] == pinhole or not waits):
+        if kept is not None and (kept[0] == pinhole or file is None):
             return kept[1].scaled(kept[0], pinhole)
-        if not waits:
+        if file is None:
             return NO_CG
-        drawn = _drawing.draw(asked, pinhole, depth)
+        drawn = _drawing.draw(file, asked, pinhole, depth)
         _kept[asked] = pinhole, drawn
         _kept.move_to_end(asked)
         while len(_kept) > KEPT:
@@ -119,8 +141,9 @@ def _on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 
 def _on_load(*_: object) -> None:
-    _kept.clear()
-    _drawing.end()
+    global _version
+    _version += 1
+    _forget_file()
 
 
 _updated, _forget = persistent(_on_update), persistent(_on_load)
@@ -134,7 +157,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Undo `register`, and end the process."""
+    """Undo `register`."""
     if _updated in bpy.app.handlers.depsgraph_update_post:
         bpy.app.handlers.depsgraph_update_post.remove(_updated)
     bpy.app.handlers.load_pre.remove(_forget)

@@ -41,12 +41,12 @@ it reach so far."""
 class CGProcess:
     """The process that draws the CG objects of a scene."""
 
-    def __init__(self, scene: str, is_preview: bool = False) -> None:
+    def __init__(self, scene: str, file: Path | None = None) -> None:
         """Start the process with a copy of the file, for a scene of this name.
 
         Args:
             scene: Name of the scene.
-            is_preview: True to draw as a preview.
+            file: The copy, alone in its folder, to draw a preview of; else it is made of the open file.
 
         Raises:
             UserError: It cannot be started.
@@ -54,13 +54,14 @@ class CGProcess:
         self._held = ExitStack()
         self._count = 0
         self._job = Job()
-        self._folder = self._held.enter_context(temporary_folder())
         try:
-            # Files are written on the main thread, which a render waits for.
-            blend = self._folder / "scene.blend"
-            main_thread.call(lambda: write_blend(blend))
-            file = blend.with_suffix(".json")
-            start(self._job, file, ["cg"], scene, blend=str(blend), is_preview=is_preview)
+            blend = file or self._held.enter_context(temporary_folder()) / "scene.blend"
+            self._folder = blend.parent
+            if file is None:
+                # Files are written on the main thread, which a render waits for.
+                main_thread.call(lambda: write_blend(blend))
+            job = blend.with_suffix(".json")
+            start(self._job, job, ["cg"], scene, blend=str(blend), is_preview=file is not None)
         except BaseException:
             self.end()
             raise

@@ -31,13 +31,15 @@ from ...scene.lens.lens import frame_options
 from ...scene.sources.clip import WHILE_PLAYED
 from ...scene.sources.shot import picture_size, shot_of
 from ..cg import cg_preview
+from ..processes.clip_process import CLIP
 from ..views.frame_size import render_size, shape_problem
 from ..views.gpu_views import upload
 from . import message, overlay
 from .overlay import Rectangle, draw_texture
-from .preview import FAIR, FINE, Half, Picture, Preview, Wanted
+from .pictures import FAIR, FINE, Half, Picture, Wanted
+from .preview import Preview
 
-LOOK = 0.02
+LOOK = 0.01
 """Seconds between two looks for a better picture, while one is being made."""
 TELL = 0.25
 """Seconds between two redraws that only show the progress of the search for depth."""
@@ -77,6 +79,7 @@ def update(shown: Shown, context: bpy.types.Context, depsgraph: bpy.types.Depsgr
     if shown.frame is not None and not bpy.app.is_job_running("RENDER"):
         with contextlib.suppress(UserError):  # `draw`, which follows, reports the error
             PREVIEW.want(_wanted(context, depsgraph, shown.frame[2]))
+            _watch()
 
 
 def draw(
@@ -100,7 +103,7 @@ def draw(
         _watch()
     picture = _picture(wanted, shown.picture)
     shape = shape_problem(render_size(scene.render), wanted.shot.size(wanted.frame))
-    shown.said = PREVIEW.problem(wanted) or shape[:1].upper() + shape[1:]
+    shown.said = PREVIEW.problem(wanted) or PREVIEW.note or shape[:1].upper() + shape[1:]
     shown.level = _level(wanted, picture)
     if picture is None:
         return
@@ -292,17 +295,20 @@ _shown_at = 0.0
 
 def _watch() -> None:
     if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=LOOK)
+        bpy.app.timers.register(_tick)
 
 
 def _tick() -> float | None:
     """A timer's turn: viewports are drawn again when there is something new; None when all is done."""
     global _version, _shown_at
+    if not bpy.app.is_job_running("RENDER"):
+        # Between two frames of an animation nothing is begun.
+        PREVIEW.poll()
     now, version = time.monotonic(), PREVIEW.version
     if version != _version or (PREVIEW.finds_depth and now - _shown_at > TELL):
         _version, _shown_at = version, now
         redraw.viewports("RENDERED")
-    return LOOK if PREVIEW.is_busy() else None
+    return LOOK if PREVIEW.is_busy() or PREVIEW.waits else None
 
 
 def end() -> None:
@@ -320,11 +326,25 @@ def end() -> None:
                     space.shading.type = "SOLID"
 
 
+def warm() -> None:
+    """Start the preview's process if the file has a solved clip, which may be looked at soon; else end it."""
+    if any(scene.virtual_aperture.points is not None for scene in bpy.data.scenes):
+        if not bpy.app.background:
+            with contextlib.suppress(UserError):  # reported with the first call
+                CLIP.begin()
+    else:
+        CLIP.end()
+
+
 def _on_load(*_: object) -> None:
     PREVIEW.forget()
 
 
-_forget = persistent(_on_load)
+def _on_loaded(*_: object) -> None:
+    warm()
+
+
+_forget, _warm = persistent(_on_load), persistent(_on_loaded)
 
 
 def register() -> None:
@@ -332,6 +352,8 @@ def register() -> None:
     overlay.show(_clear_overlays, "POST_VIEW")
     overlay.show(_draw_words)
     bpy.app.handlers.load_pre.append(_forget)
+    bpy.app.handlers.load_post.append(_warm)
+    CLIP.stays = lambda: bool(_in_regions)
 
 
 def unregister() -> None:
@@ -340,6 +362,8 @@ def unregister() -> None:
     overlay.hide(_clear_overlays)
     overlay.hide(_draw_words)
     bpy.app.handlers.load_pre.remove(_forget)
+    bpy.app.handlers.load_post.remove(_warm)
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
-    PREVIEW.close()
+    PREVIEW.forget()
+    CLIP.end()

@@ -120,17 +120,11 @@ class Shot:
 
     def with_subjects(self, marked: tuple[MarkedSubject, ...]) -> Shot:
         """Return the shot with others marked."""
-        return replace(self, subjects=marked, filmed=self._filmed, found=self._found)
-
-    def apart(self) -> Shot:
-        """Return the shot with a separate clip, for another thread; only files are shared."""
-        footage = open_footage(
-            self.footage.path, self.footage.frames, info=self.footage.video, stills=self.footage.is_stills
-        )
-        return replace(self, footage=footage, filmed=None, found=None)
+        return replace(self, subjects=marked, filmed=self.clip, found=self._found)
 
     @cached_property
-    def _filmed(self) -> Filmed:
+    def clip(self) -> Filmed:
+        """The clip's pictures, the same for all shots that `with_subjects` returns."""
         return self.filmed or Filmed(self.footage, self.masks, self.drawn, self.space)
 
     @cached_property
@@ -139,7 +133,7 @@ class Shot:
 
     @property
     def _masks(self) -> Callable[[int], Map | None] | None:
-        return self._filmed.masked if self.masks or self.drawn else None
+        return self.clip.masked if self.masks or self.drawn else None
 
     def size(self, frame: int) -> tuple[int, int]:
         """Return (width, height) in pixels of a frame's picture; UserError for a photo without a camera."""
@@ -195,17 +189,17 @@ class Shot:
     @property
     def read(self) -> Callable[[int], Pixels]:
         """As `Filmed.read`."""
-        return self._filmed.read
+        return self.clip.read
 
     @property
     def repaired(self) -> dict[int, int]:
         """As `Filmed.repaired`."""
-        return self._filmed.repaired
+        return self.clip.repaired
 
     @property
     def masked(self) -> Callable[[int], Map | None]:
         """As `Filmed.masked`."""
-        return self._filmed.masked
+        return self.clip.masked
 
 
 def _digest(*things: object) -> str:

@@ -1,4 +1,4 @@
-"""Operators that wait for one piece of work in a thread."""
+"""Operators that wait for one piece of work in another process."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .work import LOOK, Work
 
 
 class WorksMeanwhile:
-    """An operator with a computation in a thread, progress in the status bar and ESC to cancel.
+    """An operator with a computation in another process, progress in the status bar and ESC to cancel.
 
     The result is brought into the scene in one undo step; until then the scene is not touched.
     """
@@ -27,7 +27,7 @@ class WorksMeanwhile:
     """Class attribute of the mixin: only one works at a time."""
 
     def work(self, context: bpy.types.Context) -> Callable[[], Any]:
-        """Return the computation; UserError if there is none."""
+        """Return the computation, one for `parcel.pack`; UserError if there is none."""
         raise NotImplementedError
 
     def finish(self, scene: bpy.types.Scene, found: Any) -> str:

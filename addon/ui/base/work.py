@@ -1,71 +1,81 @@
-"""Work in a thread, so that the window stays alive."""
+"""Work in another process, so that the window stays alive."""
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import ExitStack
 from typing import Any
 
-from ...core.base.progress import Cancelled, reporting
 from ...core.base.time_left import TimeLeft
+from ...render.processes.clip_process import CLIP, ClipProcess
 from ...render.viewport.viewport import PREVIEW
 from .text import left_words
 
 LOOK = 0.05
 """Seconds between two looks at the work."""
+SOON = 0.005
+"""The same for a look that waits."""
 
 
 class Work[T]:
-    """A function that is called in a thread, while nothing else works with the clip."""
+    """A function that is called in the preview's process, which does nothing else meanwhile."""
 
-    def __init__(
-        self, function: Callable[[], T], after: Work[Any] | None = None, pauses_preview: bool = True
-    ) -> None:
-        """It begins once the work `after` has ended.
+    def __init__(self, function: Callable[[], T], own: ClipProcess | None = None) -> None:
+        """It begins once the work before has ended.
 
-        Only what shares nothing with the preview may leave that running.
+        Args:
+            function: The function, one for `parcel.pack`.
+            own: Another process, which leaves the preview running.
+
+        Raises:
+            UserError: The process cannot be started.
         """
-        self._pauses_preview = pauses_preview
         self._clock = TimeLeft(time.monotonic())
-        self.stage = ""
-        self.error: BaseException | None = None
-        self._value: list[T] = []
-        self._cancelled = threading.Event()
-        self._thread = threading.Thread(target=self._run, args=(function, after), daemon=True)
-        self._thread.start()
+        self._pause = ExitStack()
+        if own is None:
+            # Both would take all processors, and the same memory.
+            self._pause.enter_context(PREVIEW.paused())
+        self._process = own or CLIP
+        try:
+            self._call = self._process.call(function)
+        except BaseException:
+            self._pause.close()
+            raise
 
-    def ended(self, wait: float | None = 0.0) -> bool:
-        """Return whether it has ended, after so many seconds at most; None for any number."""
-        self._thread.join(wait)
-        return not self._thread.is_alive()
+    @property
+    def stage(self) -> str:
+        """How far it is, in a few words."""
+        left = left_words(self._clock.at(time.monotonic(), self._call.share))
+        done = f"{100 * self._call.share:.0f}%" if self._call.share else self._call.stage
+        return ", ".join(filter(None, (done, left[:1].lower() + left[1:])))
+
+    @property
+    def shown(self) -> list[Any]:
+        """All that the function has shown so far (`calls.show`)."""
+        return self._call.shown
+
+    @property
+    def error(self) -> Exception | None:
+        """The function's error."""
+        return self._call.error
+
+    def ended(self, wait: float = 0.0) -> bool:
+        """Return whether it has ended, after so many seconds at most."""
+        until = time.monotonic() + wait
+        while True:
+            self._process.poll()
+            if self._call.ended:
+                self._pause.close()
+            if self._call.ended or time.monotonic() >= until:
+                return self._call.ended
+            time.sleep(SOON)
 
     def result(self) -> T:
         """Return the function's result after its end, or raise its error."""
-        if self.error is not None:
-            raise self.error
-        return self._value[0]
+        return self._call.result()
 
     def cancel(self) -> None:
         """Do it no more: it ends at its next checkpoint."""
-        self._cancelled.set()
-
-    def _run(self, function: Callable[[], T], after: Work[Any] | None) -> None:
-        try:
-            if after is not None:
-                after._thread.join()
-            # Both would take all processors, and the same memory.
-            paused = PREVIEW.paused() if self._pauses_preview else nullcontext()
-            with paused, reporting(self._on_progress):
-                self._on_progress("", 0.0)
-                self._value.append(function())
-        except BaseException as error:  # The error is reported by the waiting operator.
-            self.error = error
-
-    def _on_progress(self, stage: str, share: float) -> None:
-        if self._cancelled.is_set():
-            raise Cancelled
-        left = left_words(self._clock.at(time.monotonic(), share))
-        words = (f"{100 * share:.0f}%" if share else stage, left[:1].lower() + left[1:])
-        self.stage = ", ".join(filter(None, words))
+        self._call.cancel()
+        self._pause.close()

@@ -12,7 +12,6 @@ from ...core.base.counting import counted
 from ...core.base.errors import UserError
 from ...core.base.progress import part
 from ...core.focus.place import Place
-from ...core.frame.clip_context import ClipContext
 from ...core.frame.nearest_person import nearest_person
 from ...core.frame.repaired_depth import repaired_subject
 from ...core.frame.repairs import Repair
@@ -21,7 +20,7 @@ from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
 from ...scene.lens.repairs import repairs_of
 from ...scene.sources import subjects
-from ...scene.sources.shot import shot_of
+from ...scene.sources.shot import Shot, shot_of
 from ..base.background_work import WorksMeanwhile
 from ..base.operators import Result, has_solve, is_met, may_change
 from ..jobs.report_list import VIRTUAL_APERTURE_OT_jump_to_frame, next_of
@@ -65,9 +64,9 @@ class WorksOnActive(OfActive, WorksMeanwhile):
         subject = subjects.active(context.scene.virtual_aperture)
         assert subject is not None  # `poll` asks for it.
         self._name, self._frame = subject.name, clip_frame(context.scene)
-        return self.work_on(shot_of(context.scene).context, repairs_of(context.scene.virtual_aperture))
+        return self.work_on(shot_of(context.scene), repairs_of(context.scene.virtual_aperture))
 
-    def work_on(self, clip: ClipContext, repairs: Sequence[Repair]) -> Callable[[], Any]:
+    def work_on(self, shot: Shot, repairs: Sequence[Repair]) -> Callable[[], Any]:
         """Return the computation of the subject."""
         raise NotImplementedError
 
@@ -86,8 +85,8 @@ class VIRTUAL_APERTURE_OT_focus_subject(WorksOnActive, bpy.types.Operator):  # n
         options={"SKIP_SAVE"},
     )
 
-    def work_on(self, clip: ClipContext, repairs: Sequence[Repair]) -> Callable[[], Place]:
-        return partial(repaired_subject, clip, self._name, self._frame, repairs)
+    def work_on(self, shot: Shot, repairs: Sequence[Repair]) -> Callable[[], Place]:
+        return partial(subject_place, shot, self._name, self._frame, repairs)
 
     def finish(self, scene: bpy.types.Scene, found: Place) -> str:
         return focus_on(scene.virtual_aperture, self._frame, [found], self.add)
@@ -111,9 +110,9 @@ class VIRTUAL_APERTURE_OT_follow_nearest(WorksMeanwhile, bpy.types.Operator):  #
         )
 
     def work(self, context: bpy.types.Context) -> Callable[[], Place]:
-        clip = shot_of(context.scene).context
-        self._frame = clip.reconstruction.image_at(clip_frame(context.scene))[0].frame
-        return partial(nearest_person, clip, self._frame, repairs_of(context.scene.virtual_aperture))
+        shot = shot_of(context.scene)
+        self._frame = shot.reconstruction.image_at(clip_frame(context.scene))[0].frame
+        return partial(nearest_place, shot, self._frame, repairs_of(context.scene.virtual_aperture))
 
     def finish(self, scene: bpy.types.Scene, found: Place) -> str:
         return focus_on(scene.virtual_aperture, self._frame, [found])
@@ -126,8 +125,8 @@ class VIRTUAL_APERTURE_OT_carry_subject(WorksOnActive, bpy.types.Operator):  # n
     bl_label = "Track Through Clip"
     doing = "Tracking the subject through the clip"
 
-    def work_on(self, clip: ClipContext, _repairs: Sequence[Repair]) -> Callable[[], list[int]]:
-        return partial(unsure_frames, clip, self._name)
+    def work_on(self, shot: Shot, _repairs: Sequence[Repair]) -> Callable[[], list[int]]:
+        return partial(unsure_frames, shot, self._name)
 
     def finish(self, scene: bpy.types.Scene, found: list[int]) -> str:
         items = scene.virtual_aperture.subjects.items
@@ -141,11 +140,22 @@ class VIRTUAL_APERTURE_OT_carry_subject(WorksOnActive, bpy.types.Operator):  # n
         return f"{self._name} is uncertain in {counted(len(found), 'frame')}; a stroke there helps"
 
 
-def unsure_frames(clip: ClipContext, name: str) -> list[int]:
+def subject_place(shot: Shot, name: str, frame: int, repairs: Sequence[Repair]) -> Place:
+    """Return the focus on a subject in a frame; errors as of `repaired_subject`."""
+    return repaired_subject(shot.context, name, frame, repairs)
+
+
+def nearest_place(shot: Shot, frame: int, repairs: Sequence[Repair]) -> Place:
+    """Return the focus on the nearest person; errors as of `nearest_person`."""
+    return nearest_person(shot.context, frame, repairs)
+
+
+def unsure_frames(shot: Shot, name: str) -> list[int]:
     """Carry a subject through all frames; those in which another stroke would help.
 
     Errors as of `ClipContext.subject`.
     """
+    clip = shot.context
     carried = clip.carried(next(each for each in clip.marked if each.name == name))
     frames = [int(frame) for frame in clip.reconstruction.frames]
     found = []

@@ -18,6 +18,7 @@ from ...core.sfm.opening import Opening
 from ...core.sfm.process import SolveProcess
 from ...core.sfm.state import STATE
 from ...core.sfm.workspace import Solve, imported_from, load_solve
+from ...render.viewport import viewport
 from ...scene.base import redraw
 from ...scene.base.paths import absolute
 from ...scene.base.remedy_words import WORDS
@@ -63,6 +64,7 @@ def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple
         focus_marks.set_first(settings, solve.reconstruction)
     aperture_cloud.update(settings)
     after_solve.show(scene, solve.reconstruction)
+    viewport.warm()
     return solve, note
 
 

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass
+from functools import partial
 
 import bpy
 from bpy.app.handlers import persistent
 
 from ...core.base.errors import UserError
 from ...core.focus.place import Place
-from ...core.frame.clip_context import ClipContext
 from ...core.frame.first_person import nearest_subject
 from ...core.frame.person_scale import scale_by_people
+from ...render.processes.clip_process import ClipProcess
 from ...scene.base import redraw
 from ...scene.focus import focus_marks
 from ...scene.lens import aperture_cloud
-from ...scene.sources.shot import IDENTITY, points_mesh, shot_of
+from ...scene.sources.shot import IDENTITY, Shot, points_mesh, shot_of
 from ..base.work import Work
 
 Found = tuple[Place | None, float | None]
@@ -30,6 +31,7 @@ class Search:
     """A search for the nearest subject that is under way."""
 
     work: Work[Found]
+    process: ClipProcess
     scene: str
     """The scene's name: it may be renamed or removed meanwhile."""
     solve: str
@@ -60,12 +62,11 @@ def focus(scene: bpy.types.Scene) -> None:
     if not settings.marks.is_first:
         return
     if bpy.app.background:
-        _put(settings, _found(shot_of(scene).context))
+        _put(settings, _found(shot_of(scene)))
         return
-    # The preview works with the scene's own shot meanwhile.
-    apart = shot_of(scene).apart()
-    work = Work(lambda: _found(apart.context), pauses_preview=False)
-    _search = Search(work, scene.name, _identity(settings))
+    # In another process than the preview, which goes on.
+    own = ClipProcess()
+    _search = Search(Work(partial(_found, shot_of(scene)), own), own, scene.name, _identity(settings))
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=LOOK)
 
@@ -85,7 +86,7 @@ def stop() -> None:
     """End the search that is under way."""
     global _search
     if _search is not None:
-        _search.work.cancel()
+        _search.process.end()
     _search = None
 
 
@@ -93,8 +94,8 @@ def _identity(settings: bpy.types.PropertyGroup) -> str:
     return str(points_mesh(settings).get(IDENTITY))
 
 
-def _found(clip: ClipContext) -> Found:
-    return nearest_subject(clip), scale_by_people(clip)
+def _found(shot: Shot) -> Found:
+    return nearest_subject(shot.context), scale_by_people(shot.context)
 
 
 def _put(settings: bpy.types.PropertyGroup, found: Found) -> None:

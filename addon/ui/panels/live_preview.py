@@ -35,7 +35,7 @@ class VIRTUAL_APERTURE_OT_preview(bpy.types.Operator):  # noqa: N801
             space.shading.type = "SOLID"
             return {"FINISHED"}
         # Pictures that failed before are tried again.
-        PREVIEW.forget()
+        PREVIEW.retry()
         context.scene.render.engine = VirtualApertureEngine.bl_idname
         context.scene.camera = context.scene.virtual_aperture.camera
         space.region_3d.view_perspective = "CAMERA"

@@ -6,13 +6,12 @@ from collections.abc import Callable
 
 import bpy
 
-from ...core.focus.place import Place, PlaceFinder
+from ...core.focus.place import Place
 from ...scene.base.timeline import clip_frame
 from ...scene.focus import focus_marks
-from ...scene.focus.clicks import place_at, places
+from ...scene.focus.clicks import place_at
 from ...scene.focus.kept_places import places_of
 from ...scene.lens import aperture_cloud
-from ...scene.sources.shot import shot_of
 from ..base.operators import Result, reported
 from .pick_place import PicksPlaces
 from .pick_vertices import focus_on
@@ -58,8 +57,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         scene = context.scene
-        finder = places(scene.virtual_aperture, shot_of(scene).context, clip_frame(scene))
-        place = place_at(scene, finder, self.x, self.y)()
+        place = place_at(scene, clip_frame(scene), self.x, self.y)()
         self.report({"INFO"}, focus_on(scene.virtual_aperture, clip_frame(scene), [place], self.add))
         return {"FINISHED"}
 
@@ -69,9 +67,9 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
         self._had_places = bool(places)
         return places
 
-    def search(self, finder: PlaceFinder, at: XY) -> Callable[[], Place]:
+    def search(self, at: XY) -> Callable[[], Place]:
         taken = [place.marks.name for place in self._places if place.marks is not None]
-        return place_at(self._scene, finder, *at, taken, self._seen.append)
+        return place_at(self._scene, clip_frame(self._scene), *at, taken)
 
     def took(self, context: bpy.types.Context, place: Place, shift: bool) -> Result:
         if shift:

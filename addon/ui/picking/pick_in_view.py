@@ -9,9 +9,10 @@ import bpy
 from ...core.base.errors import UserError
 from ...core.focus.picking import unsolved
 from ...core.frame.clip_context import ClipContext
+from ...render.processes.clip_process import CLIP
 from ...scene.base.remedy_words import WORDS
 from ...scene.base.timeline import clip_frame
-from ...scene.sources.shot import shot_of
+from ...scene.sources.shot import Shot, shot_of
 from ..base.operators import Result, has_solve, is_met, may_change, reported, sentence
 from ..base.work import Work
 from .pick_view import XY, CameraView, Overlay
@@ -30,6 +31,7 @@ class PicksInView:
     _timer: bpy.types.Timer | None = None
     _work: Work[Any] | None = None
     """The present computation: depth that must be found first takes seconds."""
+    _shot: Shot
     _context: ClipContext
     _scene: bpy.types.Scene
     _view: CameraView
@@ -66,7 +68,10 @@ class PicksInView:
         if settings.points.mode == "EDIT":
             # There only the mesh can be undone.
             bpy.ops.object.mode_set(mode="OBJECT")
-        self._context = shot_of(scene).context
+        self._shot = shot_of(scene)
+        # Until the first click it is there.
+        CLIP.begin()
+        self._context = self._shot.context
         self._view, self._scene = CameraView.of(context), scene
         self._overlay = self.overlay()
         self._overlay.begin()

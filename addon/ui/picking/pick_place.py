@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 
 import bpy
 
-from ...core.base.arrays import Mask
 from ...core.base.errors import UserError
 from ...core.focus.place import Glance, Place, PlaceFinder, shown_at
 from ...scene.base.remedy_words import WORDS
 from ...scene.base.timeline import clip_frame
-from ...scene.focus.clicks import places
+from ...scene.focus.clicks import places, surface_at
 from ...scene.lens.depth_of_field import length_words
 from ..base.operators import Result, sentence
 from ..base.work import Work
@@ -33,8 +31,6 @@ class PicksPlaces(PicksInView):
 
     joins = False
     """True if a line connects the last pick to the mouse."""
-    _seen: list[Mask]
-    """(h, w) the subject that the place is on, once it is seen."""
     _shifted = False
     """True if Shift was held for the present place."""
     _finder: PlaceFinder | None = None
@@ -47,9 +43,9 @@ class PicksPlaces(PicksInView):
         """Return a place was picked."""
         raise NotImplementedError
 
-    def search(self, finder: PlaceFinder, at: XY) -> Callable[[], Place]:
-        """Return what finds the place that is picked by a click, in a thread; UserError where nothing can."""
-        return partial(finder.find, *at)
+    def search(self, at: XY) -> Callable[[], Place]:
+        """Return the function that finds the picked place in another process; UserError where nothing can."""
+        return surface_at(self._scene, clip_frame(self._scene), *at)
 
     def confirm(self, context: bpy.types.Context) -> Result:
         """Take what was picked."""
@@ -125,11 +121,8 @@ class PicksPlaces(PicksInView):
         if event.ctrl:
             self._remove(at)
             return {"RUNNING_MODAL"}
-        finder = self._current_finder()
-        assert finder is not None  # The frame is solved.
         self._overlay.mouse = at
-        self._seen = []
-        self._work, self._shifted = Work(self.search(finder, at)), event.shift
+        self._work, self._shifted = Work(self.search(at)), event.shift
         if self._work.ended(AT_ONCE):
             return self._found(context)
         self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
@@ -141,9 +134,10 @@ class PicksPlaces(PicksInView):
         if event.type == "TIMER":
             if self._work.ended():
                 return self._found(context)
-            if self._seen and self._overlay.mask is None:
-                self._overlay.light_up(self._seen[-1])
-            what = "subject in all frames" if self._seen else "depth here"
+            seen = self._work.shown
+            if seen and self._overlay.mask is None:
+                self._overlay.light_up(seen[-1])
+            what = "subject in all frames" if seen else "depth here"
             self._overlay.text = f"Finding the {what} {self._work.stage}"
             self._say(f"{self._overlay.text}    (ESC: Cancel)", "")
         return {"PASS_THROUGH"} if event.type in {"TIMER", "MOUSEMOVE"} else {"RUNNING_MODAL"}
@@ -153,6 +147,8 @@ class PicksPlaces(PicksInView):
         work = self._work
         assert work is not None
         self._stop(context)
+        # The frame's depth is known now.
+        self._finder = None
         if isinstance(work.error, UserError):
             text = work.error.worded(WORDS)
             self._overlay.text = "The depth here is unknown"

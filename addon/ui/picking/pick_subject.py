@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import bpy
 
 from ...core.base.arrays import Mask
+from ...core.base.calls import show
 from ...core.base.errors import UserError
-from ...core.base.progress import Cancelled
 from ...core.focus.picking import unsolved
-from ...core.frame.clip_context import ClipContext
-from ...core.subjects.carried import CarriedSubject
 from ...core.subjects.clip_subjects import united
 from ...core.subjects.strokes import MarkedSubject, Stroke, down, nearest_to, places_of, with_stroke
 from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
 from ...scene.sources import subjects
-from ...scene.sources.shot import reconstruction_of
+from ...scene.sources.shot import Shot, reconstruction_of
 from ..base.operators import Result, reported
 from ..base.work import LOOK, Work
 from .pick_in_view import PicksInView
@@ -27,40 +27,30 @@ CORNERS = 5
 """Corners of the stroke that marks a found person."""
 
 
-class LitUp:
-    """The known pixels of a subject in a frame."""
-
-    def __init__(self, carried: CarriedSubject, frame: int) -> None:
-        self.carried, self.frame = carried, frame
-        self.mask: Mask | None = None
-
-    def __call__(self) -> Mask:
-        for mask in self.carried.masks(self.frame):
-            self.mask = mask
-        assert self.mask is not None
-        return self.mask
+def light_up(shot: Shot, marked: MarkedSubject, frame: int) -> Mask:
+    """Return a marked subject (h, w) in a frame, and show it (`calls.show`) while it becomes better known."""
+    mask: Mask | None = None
+    for mask in shot.context.carried(marked).masks(frame):
+        show(mask)
+    assert mask is not None
+    return mask
 
 
-class Shown:
-    """People whom nobody has marked, in a frame in which a stroke may follow."""
+def people_of(shot: Shot, frame: int) -> dict[str, Mask]:
+    """Return the people (h, w) whom nobody has marked, by name, in a frame in which a stroke may follow."""
+    return shot.context.prepare_subject(frame)
 
-    def __init__(self, context: ClipContext, frame: int) -> None:
-        self.context, self.frame = context, frame
-        self.masks: dict[str, Mask] = {}
-        """(h, w) each of them."""
-        self.mask: Mask | None = None
-        """(h, w) all of them."""
 
-    def __call__(self) -> Mask | None:
-        self.masks = self.context.prepare_subject(self.frame)
-        if self.masks:
-            self.mask = united(list(self.masks.values()))
-        return self.mask
+def marked_person(stroke: Stroke, frame: int, people: dict[str, Mask]) -> tuple[Stroke, ...]:
+    """Return strokes that mark the person whom a stroke is to correct; none where it is beside them all.
 
-    def marked(self, stroke: Stroke) -> tuple[Stroke, ...]:
-        """Strokes that mark the person whom a stroke is to correct; none where it is beside them all."""
-        person = nearest_to(stroke, self.masks) if stroke.frame == self.frame else None
-        return () if person is None else (Stroke(self.frame, down(self.masks[person], CORNERS)),)
+    Args:
+        stroke: The stroke.
+        frame: The frame in which the people are known.
+        people: (h, w) each of them, by name.
+    """
+    person = nearest_to(stroke, people) if stroke.frame == frame else None
+    return () if person is None else (Stroke(frame, down(people[person], CORNERS)),)
 
 
 class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa: N801
@@ -100,7 +90,10 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         "    ESC: Undo Last Stroke"
     )
     doing, cursor = "Draw", "PAINT_BRUSH"
-    _lit: LitUp | Shown | None = None
+    _people: Work[dict[str, Mask]] | None = None
+    """The search for people whom nobody has marked; None where a subject is looked for."""
+    _masks: dict[str, Mask]
+    """(h, w) these people, once they are known."""
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -169,7 +162,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
     def _press(self, event: bpy.types.Event) -> None:
         if (at := self._pressed_at(event)) is None:
             return
-        if event.ctrl and not self._shown.masks and not any(stroke.adds for stroke in self._steps[-1]):
+        if event.ctrl and not self._masks and not any(stroke.adds for stroke in self._steps[-1]):
             self._say(NOTHING)
         else:
             self._is_drawing, self._extends = True, event.shift
@@ -188,7 +181,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
             stroke = Stroke(clip_frame(self._scene), tuple(overlay.line), not overlay.takes)
             known = self._steps[-1]
             if not any(each.adds for each in known) and (self._extends or overlay.takes):
-                known = self._shown.marked(stroke)
+                known = marked_person(stroke, self._frame, self._masks)
             if not stroke.adds and not known:
                 self._say(NOTHING)
             else:
@@ -208,37 +201,38 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         if self._work is not None:
             self._work.cancel()
         frame, strokes = clip_frame(self._scene), self._steps[-1]
-        self._lit, self._frame = None, frame
+        self._work, self._people, self._masks, self._frame = None, None, {}, frame
         self._overlay.strokes = [stroke for stroke in strokes if stroke.frame == frame]
         self._say("")
-        self._shown = Shown(self._context, frame)
         if frame not in self._context.reconstruction.frames:
             self._overlay.light_up(None)
             return
         if any(each.adds for each in strokes):
-            self._lit = LitUp(self._context.carried(MarkedSubject(self._name, strokes)), frame)
+            self._work = Work(partial(light_up, self._shot, MarkedSubject(self._name, strokes), frame))
         else:
             self._overlay.light_up(None)
-            self._lit = self._shown
-        self._work = Work(self._lit, after=self._work)
+            self._work = self._people = Work(partial(people_of, self._shot, frame))
 
     def _look(self) -> None:
         """Show what the work has found meanwhile; UserError where it cannot go on."""
         if self._frame != clip_frame(self._scene) and not self._is_drawing:
             self._overlay.light_up(None)
             self._light_up()
-        if self._lit is None or self._work is None:
+        if (work := self._work) is None:
             return
-        if self._lit.mask is not None and self._lit.mask is not self._overlay.mask:
-            self._overlay.light_up(self._lit.mask)
-        if not self._work.ended():
-            if self._lit is not self._shown:
-                self._say(f"Finding {self._name} {self._work.stage}")
+        if not work.ended():
+            if work is not self._people:
+                self._say(f"Finding {self._name} {work.stage}")
+            if work.shown and work.shown[-1] is not self._overlay.mask:
+                self._overlay.light_up(work.shown[-1])
             return
-        self._lit = None
+        self._work = None
         self._say("")
-        if not isinstance(self._work.error, Cancelled):
-            self._overlay.light_up(self._work.result())
+        if work is self._people:
+            self._masks = work.result()
+            self._overlay.light_up(united(list(self._masks.values())) if self._masks else None)
+        else:
+            self._overlay.light_up(work.result())
 
     def _confirm(self, context: bpy.types.Context) -> Result:
         """Write the strokes, each as one step of undo."""

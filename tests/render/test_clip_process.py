@@ -1,0 +1,110 @@
+"""The process that computes with a clip for a window: what it makes, and which shots it remembers."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.base.parcel import pack, unpack
+from addon.core.base.progress import Cancelled
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.focus.focus import Focus
+from addon.core.frame.plan import FrameOptions
+from addon.core.subjects.strokes import MarkedSubject, Stroke
+from addon.render.processes import clip_process
+from addon.render.processes.clip_process import ClipProcess
+from addon.render.processes.shots import ReceivedShots, SentShots
+from addon.render.viewport.pictures import FINE, Wanted, make_picture
+from addon.render.viewport.preview import Preview
+from addon.scene.build import build
+from addon.scene.focus.clicks import place_at
+from addon.scene.sources.shot import Shot, shot_of
+
+from ..scenes import slanted_shot
+from ..waiting import until
+
+PLAIN = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+LENS = FrameOptions(Focus(distance=8.0), radius=0.4, method="features")
+
+
+@pytest.fixture
+def shot(scene: bpy.types.Scene, tmp_path: Path) -> Shot:
+    made = slanted_shot(tmp_path / "clip", PLAIN)
+    build(scene, made.footage, made.reconstruction)
+    return shot_of(scene)
+
+
+def test_it_makes_pictures_and_picks_as_this_process_does(shot: Shot, scene: bpy.types.Scene) -> None:
+    process = ClipProcess()
+    shown = Preview(process)
+    wanted = Wanted(shot, 2, LENS, (PLAIN.width, PLAIN.height))
+    try:
+        shown.want(wanted)
+        until(lambda: shown.poll() is None and not shown.is_busy())
+        best = shown.best(wanted)
+        assert best is not None and best.level == FINE and not shown.problem(wanted)
+        assert np.array_equal(best.linear, make_picture(wanted, FINE).linear)
+        pick = place_at(scene, 2, 0.5, 0.5)
+        call = process.call(pick)
+        until(lambda: process.poll() is None and call.ended)
+        assert repr(call.result()) == repr(pick())
+        # The process ends; the preview goes on with another one, and says so.
+        job = process.job
+        assert job is not None and job.process is not None
+        other = replace(wanted, frame=3)
+        shown.want(other)
+        shown.poll()
+        job.process.kill()
+        until(lambda: shown.poll() is None and shown.note)
+        assert shown.note == "The preview is begun again: the preview's process was ended by SIGKILL"
+        until(lambda: shown.poll() is None and not shown.is_busy())
+        best = shown.best(other)
+        assert best is not None and best.level == FINE and not shown.note
+        assert process.job is not job
+    finally:
+        process.end()
+
+
+def test_it_ends_once_it_is_idle(shot: Shot, monkeypatch: pytest.MonkeyPatch) -> None:
+    process = ClipProcess()
+    process.begin()
+    monkeypatch.setattr(clip_process, "IDLE", -1.0)
+    assert process._look() == clip_process.LOOK and process.job is not None, "nothing was called yet"
+    call = process.call(place_at(bpy.context.scene, 2, 0.5, 0.5))
+    assert process._look() == clip_process.LOOK and not call.ended
+    process._used = time.monotonic()
+    job = process.job
+    process.end()
+    assert process.job is None and job is not None
+    with pytest.raises(Cancelled):
+        call.result()
+
+
+def received(shots: ReceivedShots, sent: SentShots, shot: Shot) -> Shot:
+    found = unpack(pack(shot, sent), shots)
+    assert isinstance(found, Shot)
+    return found
+
+
+def test_strokes_leave_what_is_known_of_the_clip(shot: Shot, tmp_path: Path) -> None:
+    tmp_path = tmp_path / "sent"
+    tmp_path.mkdir()
+    sent, shots = SentShots(tmp_path), ReceivedShots(tmp_path)
+    first = received(shots, sent, shot)
+    assert received(shots, sent, shot) is first and first is not shot
+    assert first.footage == shot.footage and first.work == shot.work
+    assert np.array_equal(first.reconstruction.points.xyz, shot.reconstruction.points.xyz)
+    marked = shot.with_subjects((MarkedSubject("cat", (Stroke(2, ((0.5, 0.5),)),)),))
+    second = received(shots, sent, marked)
+    assert second.subjects == marked.subjects and second.clip is first.clip
+    assert second.context._subjects is first.context._subjects
+    other = received(shots, sent, replace(shot, filmed=None))
+    assert other.clip is not first.clip
+    # The first is not remembered any longer, and is read again.
+    again = received(shots, sent, shot)
+    assert again is not first and again.footage == first.footage
