@@ -1,5 +1,4 @@
-"""Every place that starts a thread stands in ARCHITECTURE.md with its reason, and what runs there names no
-`bpy`."""
+"""Each place that starts a thread stands in ARCHITECTURE.md, and no module imports threads as it loads."""
 
 from __future__ import annotations
 
@@ -7,10 +6,9 @@ import ast
 import re
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[1]
 ADDON = ROOT / "addon"
+STARTING_MODULES = {"threading", "concurrent", "multiprocessing", "queue", "asyncio"}
 STARTS = {"Thread", "ThreadPoolExecutor", "Timer", "start_new_thread", "ThreadPool"}
 
 
@@ -30,16 +28,19 @@ def test_each_place_is_listed_with_its_reason() -> None:
     assert all(reason and end for _, reason, end in rows)
 
 
-@pytest.mark.parametrize("place", sorted(place for place in STARTING if not place.startswith("core/")))
-def test_what_runs_there_names_no_bpy(place: str) -> None:
-    # The core imports none at all (test_layering.py).
-    tree = ast.parse(STARTING[place].read_text())
-    functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
-    for call in started(STARTING[place]):
-        target = next(ast.unparse(word.value) for word in call.keywords if word.arg == "target")
-        name = target.rpartition(".")[2]
-        # One that is not of the file is the core's.
-        assert name in functions or re.search(rf"from \.+core\..* import .*\b{name}\b", ast.unparse(tree))
-        if name in functions:
-            named = {node.id for node in ast.walk(functions[name]) if isinstance(node, ast.Name)}
-            assert not named & {"bpy", "context", "scene"}, f"{place}: {name} names {named}"
+def imported(node: ast.AST) -> set[str]:
+    """The modules that an import names."""
+    if isinstance(node, ast.Import):
+        return {each.name.partition(".")[0] for each in node.names}
+    return (
+        {str(node.module).partition(".")[0]} if isinstance(node, ast.ImportFrom) and not node.level else set()
+    )
+
+
+def test_no_module_imports_threads_as_it_is_loaded() -> None:
+    for path in ADDON.rglob("*.py"):
+        tree, place = ast.parse(path.read_text()), path.relative_to(ADDON).as_posix()
+        for node in ast.walk(tree):
+            if found := imported(node) & STARTING_MODULES:
+                assert place in STARTING, f"{place} imports {found}"
+                assert node not in tree.body, f"{place} imports {found} as it is loaded"
