@@ -30,7 +30,9 @@ class ClipProcess:
     stays: Callable[[], bool] = staticmethod(lambda: False)
     """Returns whether another call may come at any time."""
 
-    def __init__(self) -> None:
+    def __init__(self, yields: bool = False) -> None:
+        """Let a window and other processes go first if it `yields`."""
+        self._yields = yields
         self._caller: Caller | None = None
         self._held = ExitStack()
         self._used = 0.0
@@ -55,7 +57,7 @@ class ClipProcess:
         self.end()
         job, folder = Job("preview's process"), self._held.enter_context(temporary_folder())
         try:
-            start(job, folder / "job.json", ["clip"], folder=str(folder))
+            start(job, folder / "job.json", ["clip"], yields=self._yields, folder=str(folder))
         except BaseException:
             self.end()
             raise

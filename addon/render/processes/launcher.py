@@ -34,11 +34,12 @@ def start(
     arguments: Sequence[object],
     scene: str = "",
     one_thread: bool = False,
+    yields: bool = True,
     **more: object,
 ) -> None:
     """Have another process of this command line do a job, which it reads in a file.
 
-    A window goes first.
+    A window goes first, unless the user waits for the process (`yields`).
 
     `arguments` are those of a command, or the name of one of `engine_jobs.JOBS`; people cannot ask for a
     .blend's `scene` and for `more`. UserError where the file cannot be written, and as of `Job.start`.
@@ -47,4 +48,4 @@ def start(
     told["scripts"] = not bpy.app.autoexec_fail
     write_bytes(file, json.dumps(told).encode())
     environment = os.environ | (limits.ONE_THREAD if one_thread else {})
-    job.start([*launcher(), JOB, str(file)], not bpy.app.background, environment)
+    job.start([*launcher(), JOB, str(file)], yields and not bpy.app.background, environment)

@@ -65,7 +65,7 @@ def focus(scene: bpy.types.Scene) -> None:
         _put(settings, _found(shot_of(scene)))
         return
     # In another process than the preview, which goes on.
-    own = ClipProcess()
+    own = ClipProcess(yields=True)
     _search = Search(Work(partial(_found, shot_of(scene)), own), own, scene.name, _identity(settings))
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=LOOK)
