@@ -305,8 +305,7 @@ def test_three_surfaces_make_better_views_than_two(focus: float, monkeypatch: py
     for gable, of_three, of_two in zip(GABLES, three, two, strict=True):
         print(f"roof at {gable:.0f}: three surfaces {of_three:.1f} dB, two {of_two:.1f} dB")
     assert min(three) > 38
-    assert np.mean(three) > np.mean(two) + 0.5
-    # With the wall in focus, and told what the silhouettes hide, two are as good at some roofs.
+    # With the wall in focus, and told what the silhouettes hide, two are as good.
     assert focus == FAR or np.min(np.subtract(three, two)) > 0.5
 
 

@@ -133,7 +133,6 @@ def split(
     returns other frames' colours of disoccluded pixels. `opacity` and `far` are those of `depth_peel`; a
     fraction is alpha, and both surfaces are visible.
     """
-    disparity = _without_ramps(disparity, jump)
     near_side, far_side = _silhouettes(disparity, jump)
     mixed = near_side | far_side
     checkpoint(0.2)
@@ -193,23 +192,6 @@ def _matte(opacity: Map, disparity: Map, surfaces: Surfaces, jump: float) -> Map
     near[surfaces.row, surfaces.column] = surfaces.near_disparity
     own, _ = of_nearest(disparity, covered)
     return np.where(around & (np.abs(near - own) <= jump), opacity, np.float32(np.nan))
-
-
-def _without_ramps(disparity: Map, jump: float) -> Map:
-    """Move single pixels half way up a jump of disparity (H, W) to the nearer side."""
-    result = disparity.copy()
-    # First down the columns, then along the rows.
-    for values in (result, result.T):
-        checkpoint(0.2)
-        steps = np.diff(values, axis=0)[:, 1:-1]
-        high = np.abs(steps) > jump
-        row, column = np.nonzero(high[:-1] & high[1:])
-        up, down = steps[row, column], steps[row + 1, column]
-        between = np.sign(up) == np.sign(down)
-        row, column, up, down = (part[between] for part in (row, column, up, down))
-        joined = np.where(np.abs(up) < np.abs(down), row, row + 2)
-        values[row + 1, column + 1] = values[joined, column + 1]
-    return result
 
 
 def _silhouettes(disparity: Map, jump: float) -> tuple[Mask, Mask]:
