@@ -79,7 +79,7 @@ def test_errors_come_back(caller: Caller, tmp_path: Path) -> None:
     assert text.startswith("TypeError: ") and "in describe" in trace
 
 
-def test_a_cancelled_call_ends_before_the_next(caller: Caller, waits: None) -> None:
+def test_a_cancelled_call_ends_before_the_next(caller: Caller, waits: None, tmp_path: Path) -> None:
     first, second, third = caller.call(wait), caller.call(wait), caller.call(partial(describe, (1,)))
     until(lambda: caller.poll() is None and first.shown and first.share)
     assert (first.shown, first.stage, first.share, first.ended) == (["begun"], "Waiting", 0.25, False)
@@ -87,6 +87,7 @@ def test_a_cancelled_call_ends_before_the_next(caller: Caller, waits: None) -> N
     second.cancel()
     until(lambda: caller.poll() is None and third.ended)
     assert third.result() == "frame 1" and second.shown == []
+    assert not [path for path in tmp_path.iterdir() if path.is_file()]
     for each in (first, second):
         with pytest.raises(Cancelled):
             each.result()

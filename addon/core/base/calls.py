@@ -167,21 +167,19 @@ def _answer(path: Path, number: int, thing: Named) -> None:
         shown += 1
         _write(path.with_suffix(f".{shown}.shown"), pack(value))
 
-    error: Exception | None = None
-    value = []
     try:
         _show = show_next
         function = unpack(path.read_bytes(), thing)
         path.unlink()
         with reporting(on_progress):
             on_progress("", 0.0)
-            value.append(function())
-        data = pack((None, value))
-    except Exception as raised:
-        error = _sendable(raised)
-        data = pack((error, []))
+            value = function()
+        data = pack((None, [value]))
+    except Exception as error:
+        data = pack((_sendable(error), []))
     finally:
         _show = None
+    cancelled.unlink(missing_ok=True)
     _write(path.with_suffix(".answer"), data)
 
 
