@@ -262,7 +262,7 @@ def test_aperture_shape(program: Program) -> None:
 
 
 def test_passes(program: Program) -> None:
-    keep_sub_panel(program, "passes", "Render", "virtual_aperture.export", "use_pass_z", 60, 70)
+    keep_sub_panel(program, "passes", "Render", "virtual_aperture.export", "use_pass_z", 46, 100)
 
 
 def test_preferences(program: Program) -> None:
@@ -287,7 +287,7 @@ def test_the_list_of_the_last_render(program: Program) -> None:
     x, y = open_details(program, "render_clip")
     program.screen.move(x, y + 30)
     program.still()
-    keep(program, "report", (x - 200, y - 20, x + 200, y + 160))
+    keep(program, "report", (x - 260, y - 20, x + 200, y + 160))
 
 
 def test_the_pages_show_these_pictures() -> None:
