@@ -22,6 +22,8 @@ from .panel import PRIMARY, Panel, split
 
 MOST_MARKS = 5
 """Focus marks that have a button each: more would be too narrow in a sidebar 250 pixels wide."""
+WORDED = 2
+"""Most focus marks beside whose buttons words are complete. Measured in a window."""
 BUTTON = 12
 """Pixels of a row that a small button takes of its text, at a resolution scale of 1. Chosen by inspection."""
 HINT = "Drop a video or an image of a sequence on the viewport, or choose a clip or a folder"
@@ -139,7 +141,9 @@ def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         text = "Automatic focus" if name == NEAREST else f"In focus: {name}"
         wrapped(row, context, text, icon="KEYFRAME_HLT", beside=BUTTON)
     else:
-        row.label(text="Focus at")
+        # More buttons, or a narrow sidebar, would cut the words off.
+        has_words = len(marks) <= WORDED and not is_narrow(context)
+        row.label(text="Focus at" if has_words else "", icon="NONE" if has_words else "KEYFRAME_HLT")
     for mark in marks[:MOST_MARKS] if len(marks) > 1 else ():
         jump = row.operator(
             focus_list.VIRTUAL_APERTURE_OT_jump_to_focus_mark.bl_idname, text=str(mark.frame),
