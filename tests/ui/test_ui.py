@@ -159,7 +159,9 @@ def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> No
     settings.focus_distance = 7.0
     assert "focus_distance" in drawn(closed=True)[0]
     scene.render.filepath = "//out/"
-    assert f"Frames 1 to 3, to {tmp_path.name}_render.mp4" in drawn(closed=False)[2]
+    # A long name is broken into lines.
+    words = drawn(closed=False)[2].replace(" ", "")
+    assert f"Frames1to3,to{tmp_path.name}_render.mp4" in words
     settings.render_as = "FRAMES"
     assert "Frames 1 to 3, to //out/ as PNG" in drawn(closed=False)[2]
 
@@ -183,8 +185,7 @@ def test_long_texts_are_wrapped_to_the_panel() -> None:
     assert " ".join(narrow) == words
     assert lines("", 100) == []
     path = "/home/somebody/clips/" + 10 * "somewhere/"
-    assert lines(f"no {path}", 150) == ["no", path]
-    broken = lines(f"no {path}", 150, breaks=True)
+    broken = lines(f"no {path}", 150)
     assert len(broken) > 3 and "".join(broken) == f"no{path}"
 
 

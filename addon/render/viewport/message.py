@@ -19,11 +19,8 @@ PADDING, SPACING = 8.0, 16.0
 LIGHT = (1.0, 1.0, 1.0, 1.0)
 
 
-def lines(text: str, width: float, scale: float = 1.0, breaks: bool = False) -> list[str]:
-    """Return the text in lines of at most `width` pixels.
-
-    Wider words, such as paths, stick out unless `breaks` is true.
-    """
+def lines(text: str, width: float, scale: float = 1.0) -> list[str]:
+    """Return the text in lines of at most `width` pixels; wider words, such as paths, are broken."""
     blf.size(FONT, POINTS * scale)
     found: list[str] = []
     for word in text.split():
@@ -31,7 +28,7 @@ def lines(text: str, width: float, scale: float = 1.0, breaks: bool = False) -> 
         if found and blf.dimensions(FONT, longer)[0] <= width:
             found[-1] = longer
         else:
-            found.extend(_pieces(word, width) if breaks else [word])
+            found.extend(_pieces(word, width))
     return found
 
 
@@ -68,7 +65,7 @@ def ground(text: str, free: Rectangle, scale: float) -> tuple[list[str], Rectang
     It is in the middle of the lower border of the free part, where Blender writes nothing.
     """
     left, bottom, right, _ = free
-    wrapped = lines(text, WIDEST * (right - left), scale, breaks=True)
+    wrapped = lines(text, WIDEST * (right - left), scale)
     half = max(blf.dimensions(FONT, line)[0] for line in wrapped) / 2 + PADDING * scale
     middle, lower = (left + right) / 2, bottom + PADDING * scale
     height = (len(wrapped) * SPACING + PADDING) * scale

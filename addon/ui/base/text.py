@@ -34,7 +34,7 @@ def wrapped(
     column = layout.column(align=True)
     column.alert = alert
     column.scale_y = 0.8
-    scale = context.preferences.system.ui_scale
+    scale = _scale(context)
     width = (units * UNIT - MARGIN) * scale if units else width_of(context)
     for number, line in enumerate(lines(text, max(width - beside * scale, 1.0), scale)):
         # An icon's width of nothing keeps the lines in one column.
@@ -43,14 +43,19 @@ def wrapped(
 
 def width_of(context: bpy.types.Context) -> float:
     """Return the width of a panel's text in pixels; that of a default sidebar without a region."""
-    scale = context.preferences.system.ui_scale
+    scale = _scale(context)
     width = context.region.width if context.region is not None else 280 * scale
     return float(max(width - MARGIN * scale, 1))
 
 
 def is_narrow(context: bpy.types.Context) -> bool:
     """Return whether two buttons side by side would cut their names off."""
-    return bool(width_of(context) < (NARROW - MARGIN) * context.preferences.system.ui_scale)
+    return bool(width_of(context) < (NARROW - MARGIN) * _scale(context))
+
+
+def _scale(context: bpy.types.Context) -> float:
+    """The resolution scale, which is 0 in a Blender without a window."""
+    return float(context.preferences.system.ui_scale or 1.0)
 
 
 def left_words(seconds: float | None) -> str:
