@@ -65,7 +65,7 @@ test-fast: setup
 DRAWING := tests/window/test_renders.py tests/window/test_view_and_panel.py tests/window/test_pick_focus.py \
 	tests/window/test_picture.py \
 	tests/window/test_off_and_on.py tests/window/test_file_drop.py tests/window/test_gpu_sweep.py
-WINDOW_TESTS := $(if $(BACKEND),$(DRAWING),tests/window)
+WINDOW_TESTS := -m "not long" $(if $(BACKEND),$(DRAWING),tests/window)
 
 test-window: setup
 	@command -v "$${BLENDER:-blender}" >/dev/null \

@@ -29,6 +29,14 @@ def screen(needed: None) -> Iterator[Screen]:
     made.close()
 
 
+@pytest.fixture(scope="module")
+def hd_screen(needed: None) -> Iterator[Screen]:
+    """One as large as most are."""
+    made = Screen((1920, 1080))
+    yield made
+    made.close()
+
+
 @pytest.fixture(scope="session")
 def small_screen(needed: None) -> Iterator[Screen]:
     """One on which windows are drawn in less time."""

@@ -35,6 +35,8 @@ FIRST, HEADER = 14, 28
 that are closed."""
 FOLDED = 0.5
 """Seconds until a panel has folded or unfolded, which is animated."""
+OPENS, NARROW = 292, 200
+"""Pixels across of the sidebar as Blender opens it, and of a narrow one."""
 
 POPOVER = 10_000
 """Pixels, fewer than a popover has, and more than a button that lights up under the mouse."""
@@ -67,6 +69,28 @@ def first_window(program: Program) -> None:
     left, top, width, height = program.rectangle("VIEW_3D")
     program.screen.move(left + 0.2 * width, top + 0.8 * height)
     program.settle()
+
+
+def make_wide(program: Program, width: int) -> None:
+    """Drag the sidebar's border until it is so wide, to a few pixels: a drag of fewer is a click."""
+    for _ in range(3):
+        left, top, now, _ = program.rectangle("VIEW_3D", "UI")
+        if abs(now - width) > 4:
+            # Beside the first header: below the panels clicks are the view's. Slowly off the border: Blender
+            # takes it where the mouse is after a few pixels.
+            goal, y = left + now - width, top + 14
+            program.screen.drag((left, y), (left + (3 if goal > left else -3), y), (goal, y))
+            program.settle()
+
+
+def look(program: Program, name: str) -> None:
+    """A picture of the screen with the sidebar as it opens, and one with a narrow one, which stays so."""
+    first_window(program)
+    make_wide(program, OPENS)
+    program.shot(name)
+    make_wide(program, NARROW)
+    assert abs(program.rectangle("VIEW_3D", "UI")[2] - NARROW) <= 4
+    program.shot(f"{name}_{NARROW}")
 
 
 def show_preferences(program: Program, section: str) -> None:

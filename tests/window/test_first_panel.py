@@ -20,12 +20,15 @@ from .steps import (
     DEPTH,
     LEFT,
     MODAL,
+    OPENS,
     PANELS,
     RIGHT,
     SETTINGS,
     drop,
     ended,
     first_window,
+    look,
+    make_wide,
     open_details,
     opened,
     over,
@@ -35,19 +38,10 @@ from .steps import (
 PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
 SCALING = f"'VIRTUAL_APERTURE_OT_set_scale' in {MODAL}"
 SOLVING = f"'VIRTUAL_APERTURE_OT_import_clip' in {MODAL}"
-OPENS, NARROW = 292, 200
-"""Pixels across of the sidebar as Blender opens it, and of a narrow one."""
 MUG, GLOBE, PLANT = (0.2, 0.85), (0.53, 0.45), (0.9, 0.45)
 """Places of the sample clip, fractions of the picture."""
 
 pytestmark = pytest.mark.usefixtures("in_order")
-
-
-@pytest.fixture(scope="module")
-def hd_screen(needed: None) -> Iterator[Screen]:
-    made = Screen((1920, 1080))
-    yield made
-    made.close()
 
 
 @pytest.fixture(scope="module")
@@ -62,28 +56,6 @@ def project(folder: Path) -> Path:
 def program(hd_screen: Screen, resources: Path) -> Iterator[Program]:
     with running(hd_screen, resources, "first_panel") as made:
         yield made
-
-
-def make_wide(program: Program, width: int) -> None:
-    """Drag the sidebar's border until it is so wide, to a few pixels: a drag of fewer is a click."""
-    for _ in range(3):
-        left, top, now, _ = program.rectangle("VIEW_3D", "UI")
-        if abs(now - width) > 4:
-            # Beside the first header: below the panels clicks are the view's. Slowly off the border: Blender
-            # takes it where the mouse is after a few pixels.
-            goal, y = left + now - width, top + 14
-            program.screen.drag((left, y), (left + (3 if goal > left else -3), y), (goal, y))
-            program.settle()
-
-
-def look(program: Program, name: str) -> None:
-    """A picture of the screen with the sidebar as it opens, and one with a narrow one, which stays so."""
-    first_window(program)
-    make_wide(program, OPENS)
-    program.shot(name)
-    make_wide(program, NARROW)
-    assert abs(program.rectangle("VIEW_3D", "UI")[2] - NARROW) <= 4
-    program.shot(f"{name}_{NARROW}")
 
 
 def in_sight(program: Program, *wanted: str) -> None:
