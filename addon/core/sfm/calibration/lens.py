@@ -59,8 +59,6 @@ ROUNDS = 3
 """Most rounds of finding the lens again in tracks from which it was removed."""
 SETTLED = 1e-3
 """Change of every parameter at which that is enough."""
-FITS = 1e-6
-"""As of `bundle_adjustment.SETTLED`."""
 KEYS = 60
 """Keyframes that are looked at, at most, at even steps; the others follow from their points."""
 
@@ -249,7 +247,7 @@ class _Fit:
         lens = replace(undistorted(size, self.speed[self.posed]), free=free, parameters=parameters * free)
         start = replace(self.bundle, distortion=lens)
         how = "common" if self.free_focal else "held"
-        return adjust(start, self.seen, self.loss, how, settled=FITS)
+        return adjust(start, self.seen, self.loss, how)
 
     def put(self, made: Solution, found: Adjusted, lens: Lens) -> None:
         """Write an adjustment into a solve, with the lens removed from its tracks."""

@@ -32,8 +32,6 @@ that is off by `LOSS`. Chosen by inspection, and wide: the pictures decide."""
 TELLING = 90.0
 """Percentile of the tracks by parallax that is reported: a near thing on a tenth of the picture before a far
 background is enough depth."""
-SETTLED = 1e-5
-"""As of `bundle_adjustment`, of the cameras that are compared."""
 WEAK = 0.18
 """Relative uncertainty of depth, over its range, from which the report warns. Pans with 1 % of the width as
 parallax have 0.21 to 0.47, handheld clips up to 0.16 (`make bench-solve`)."""
@@ -78,7 +76,7 @@ def depth_evidence(made: Solution) -> DepthEvidence | None:
     span = LongTracks(seen, kept, len(posed), loss)
 
     def adjusted(start: Bundle) -> Adjusted:
-        return adjust(start, seen, loss, "each", tie, SETTLED)
+        return adjust(start, seen, loss, "each", tie)
 
     turning = adjusted(replace(rotation_only(span, focal).bundle, distortion=pinhole)).bundle
     moving = adjusted(replace(bundle, distortion=pinhole))

@@ -247,5 +247,5 @@ def _adjustment_options() -> pycolmap.BundleAdjustmentOptions:
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.SOFT_L1
     solver = options.ceres.solver_options
-    solver.num_threads, solver.max_num_iterations, solver.function_tolerance = THREADS, 25, 1e-5
+    solver.num_threads, solver.max_num_iterations, solver.function_tolerance = THREADS, 25, 1e-4
     return options
