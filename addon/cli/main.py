@@ -376,8 +376,9 @@ def run_command(arguments: list[str]) -> int:
     finally:
         # The command line leaves without Python's own steps at exit.
         end_all()
-        # A process that had to be killed leaves its files.
-        collect_temporary()
+        # A process that had to be killed leaves its files; where no file can be written, there are none.
+        with contextlib.suppress(UserError):
+            collect_temporary()
         for number, handler in before.items():
             if handler is not None:  # one of Blender's own cannot be put back
                 signal.signal(number, handler)

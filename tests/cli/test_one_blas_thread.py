@@ -35,4 +35,4 @@ def test_numpy_is_loaded_with_one_thread(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_the_solver_has_as_many_threads_as_the_user_sets(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
-    assert process._environment()["OPENBLAS_NUM_THREADS"] == "3"
+    assert process.environment()["OPENBLAS_NUM_THREADS"] == "3"

@@ -54,7 +54,7 @@ def test_ten_bits_are_read_as_they_are(tmp_path: Path, full: bool) -> None:
 
 
 def test_views_are_no_color_spaces_of_clips(registered: None) -> None:
-    with pytest.raises(UserError, match="AgX Base sRGB is a view"):
+    with pytest.raises(UserError, match="AgX Base sRGB is for views"):
         colour_space.colour_space("AgX Base sRGB")
     with pytest.raises(UserError, match="there is no color space 'S-Log9'; Blender has ACES"):
         colour_space.checked("S-Log9")
