@@ -37,6 +37,8 @@ def program(small_screen: Screen, resources: Path, folder: Path, registered: Non
 
 def seen(program: Program, name: str) -> np.ndarray:
     """(3,) mean of the middle of the camera's frame."""
+    # The viewport asks for its picture as it is drawn.
+    program.settle()
     program.wait(f"not {BUSY}", 100)
     program.screen.move(*program.middle("VIEW_3D", "HEADER"))
     program.settle()
