@@ -269,7 +269,7 @@ class DepthStore:
 def kept_numbers(
     store: DepthStore | None, name: str, counts: Sequence[int], make: Callable[[], Floats]
 ) -> Floats:
-    """Return numbers (n,) kept under a name, or make and keep them; n is one of `counts`."""
+    """Read numbers (n,) stored under a name, or compute and store them; n is one of `counts`."""
     kept = store.read(name, ("numbers",)) if store else None
     if kept is not None:
         numbers = kept["numbers"]

@@ -57,7 +57,7 @@ SIGMAS = 4.0
 
 
 NUMBERS = 5
-"""Numbers of an `OwnLens`."""
+"""Length of `OwnLens.numbers`."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class OwnLens:
 
     @classmethod
     def of(cls, numbers: Floats) -> OwnLens | None:
-        """Return the lens of `numbers`; None of none."""
+        """Return the lens with these `numbers`; None for an empty row."""
         if not len(numbers):
             return None
         radius, *focus, first, last = numbers.tolist()
@@ -81,7 +81,7 @@ class OwnLens:
 
     @property
     def numbers(self) -> Floats:
-        """(NUMBERS,) the fields in one row, to be kept."""
+        """(NUMBERS,) all fields in one row, as they are stored."""
         return np.array([self.radius, *self.focus, *self.frames], np.float64)
 
     def focus_at(self, frame: int) -> float:

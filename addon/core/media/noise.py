@@ -77,7 +77,7 @@ KINDS = np.array([0, 1, 1])
 
 
 NUMBERS = 2 + 2 * (BLOCK - 1) ** 2
-"""Numbers of a `Noise`."""
+"""Length of `Noise.numbers`."""
 
 
 @dataclass(frozen=True)
@@ -91,14 +91,14 @@ class Noise:
 
     @classmethod
     def of(cls, numbers: Floats) -> Noise | None:
-        """Return the noise of `numbers`; None of none."""
+        """Return the noise with these `numbers`; None for an empty row."""
         if not len(numbers):
             return None
         return cls(numbers[:2], np.reshape(numbers[2:], (2, BLOCK - 1, BLOCK - 1)).astype(np.float32))
 
     @property
     def numbers(self) -> Floats:
-        """(NUMBERS,) the fields in one row, to be kept."""
+        """(NUMBERS,) all fields in one row, as they are stored."""
         return np.concatenate([self.sigma, self.kernels.ravel()]).astype(np.float64)
 
     @property
