@@ -173,6 +173,35 @@ def test_numbers_of_a_clip_are_made_once_and_again_where_they_are_damaged(tmp_pa
     assert not list(tmp_path.glob("*/clip-*"))
 
 
+def test_processes_that_need_a_result_of_the_clip_wait_for_one_another(tmp_path: Path) -> None:
+    made = list[int]()
+
+    def numbers() -> Floats:
+        made.append(1)
+        time.sleep(0.2)
+        return np.arange(3.0)
+
+    def work(_: int) -> Floats:
+        return kept_numbers(DepthStore(tmp_path, lambda: "key"), "clip-noise", (0, 3), numbers)
+
+    with ThreadPoolExecutor(3) as pool:
+        answers = list(pool.map(work, range(3)))
+    assert made == [1]
+    np.testing.assert_array_equal(answers, 3 * [np.arange(3.0)])
+    assert not list(tmp_path.rglob("*.lock"))
+
+
+def test_a_result_of_the_clip_is_made_all_the_same_if_another_holds_it_too_long(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(depth_store, "LONG_PATIENCE", 0.1)
+    store = DepthStore(tmp_path, lambda: "key")
+    (tmp_path / "key").mkdir()
+    with FileLock(tmp_path / "key" / "clip-noise.lock", UserError):
+        found = kept_numbers(store, "clip-noise", (0, 3), lambda: np.arange(3.0))
+    np.testing.assert_array_equal(found, np.arange(3.0))
+
+
 def test_what_is_not_ours_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "0001.exr").write_bytes(bytes(4000))

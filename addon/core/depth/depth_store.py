@@ -58,6 +58,8 @@ RECOUNT = 10.0
 PAUSE, PATIENCE = 0.03, 60.0
 """Seconds between two looks whether another process has made what is needed, and until it is made here
 instead: that one may be stopped. Chosen by inspection."""
+LONG_PATIENCE = 300.0
+"""The same for a result of the whole clip, which takes minutes."""
 SUREST = 15
 """Steps of confidence from 0 to 1; it is compared with thresholds only."""
 
@@ -194,6 +196,22 @@ class DepthStore:
             left = waiting
         return found
 
+    def once[R](self, name: str, read: Callable[[], R | None], make: Callable[[], R]) -> R:
+        """Return a result of the whole clip, kept or made; other processes that need it wait meanwhile.
+
+        `name` is that of its file, `read` returns the kept result or None, and `make` makes and keeps it.
+        """
+        until = time.monotonic() + LONG_PATIENCE
+        while (there := read()) is None:
+            with self._claimed(name) as is_mine:
+                if is_mine or time.monotonic() > until:
+                    # The process with the claim may just have kept it.
+                    there = read()
+                    return make() if there is None else there
+            checkpoint()
+            time.sleep(PAUSE)
+        return there
+
     @contextlib.contextmanager
     def _claimed(self, name: str) -> Iterator[bool]:
         """Claim a file against other processes; yields whether the claim succeeded.
@@ -270,16 +288,20 @@ def kept_numbers(
     store: DepthStore | None, name: str, counts: Sequence[int], make: Callable[[], Floats]
 ) -> Floats:
     """Read numbers (n,) stored under a name, or compute and store them; n is one of `counts`."""
-    kept = store.read(name, ("numbers",)) if store else None
-    if kept is not None:
-        numbers = kept["numbers"]
+
+    def read() -> Floats | None:
+        kept = store.read(name, ("numbers",)) if store else None
+        numbers = np.zeros((0, 0)) if kept is None else kept["numbers"]
         is_whole = numbers.ndim == 1 and len(numbers) in counts and numbers.dtype == np.float64
-        if is_whole and np.isfinite(numbers).all():
-            return np.asarray(numbers, np.float64)
-    made = np.asarray(make(), np.float64)
-    if store:
-        store.write(name, {"numbers": made})
-    return made
+        return np.asarray(numbers, np.float64) if is_whole and np.isfinite(numbers).all() else None
+
+    def made() -> Floats:
+        numbers = np.asarray(make(), np.float64)
+        if store:
+            store.write(name, {"numbers": numbers})
+        return numbers
+
+    return store.once(name, read, made) if store else made()
 
 
 def kept_size(folder: Path) -> int:

@@ -130,17 +130,34 @@ class ClipSubjects:
         """
         if not self.reconstruction.is_ordered or not self.networks.exist:
             return []
-        tracks = self._kept_people()
-        if tracks is None:
-            tracks = PeopleOfClip(self.pictures, self.networks).tracks
-            self._keep_people(tracks)
-        return [
-            ClipSubject(f"person {number}", f"person{number}", track.cut, self.store, "person")
-            for number, track in enumerate(tracks, 1)
-        ]
+        return self._once(PEOPLE, self._kept_people, self._found_people)
 
-    def _kept_people(self) -> list[Track] | None:
-        """The people of the clip as they are kept, not yet carried; None where they are not."""
+    def _found_people(self) -> list[ClipSubject]:
+        """The people of the clip, kept in all frames."""
+        tracks = PeopleOfClip(self.pictures, self.networks).tracks
+        found = self._followed("person", [track.cut for track in tracks])
+        self._keep_people(tracks)
+        return found
+
+    def _followed(
+        self, kind: str, cuts: Sequence[Callable[[int], Cut]], keep: bool = True
+    ) -> list[ClipSubject]:
+        """Subjects of a kind; their shares of all frames are kept, as each process would carry them anew."""
+        found = [
+            ClipSubject(f"{kind} {number}", f"{kind}{number}", cut, self.store, kind)
+            for number, cut in enumerate(cuts, 1)
+        ]
+        if keep and self.store is not None:
+            for subject in found:
+                for frame in self.pictures.frames:
+                    subject.share(frame)
+        return found
+
+    def _once[R](self, name: str, read: Callable[[], R | None], make: Callable[[], R]) -> R:
+        return make() if self.store is None else self.store.once(name, read, make)
+
+    def _kept_people(self) -> list[ClipSubject] | None:
+        """The people of the clip as they are kept; None where they are not."""
         kept = self.store and self.store.read(PEOPLE, ("frames", "trusts", "shares"))
         shares = decoded(kept["shares"], LONGEST_SIDE) if kept else None
         if not kept or shares is None:
@@ -155,7 +172,7 @@ class ClipSubjects:
             share = np.asarray(share, np.float32) / np.float32(255)
             first = Cut.known(picture, np.asarray(share, np.float32), float(kept["trusts"][number]))
             tracks.append(Track(self.pictures, self.networks, frame, first))
-        return tracks
+        return self._followed("person", [track.cut for track in tracks], keep=False)
 
     def _keep_people(self, tracks: list[Track]) -> None:
         if self.store is not None:
@@ -172,17 +189,15 @@ class ClipSubjects:
 
         There are none in photos and in clips without certain motion.
         """
-        kept = self._kept_objects()
-        if kept is None:
-            tracks = list(moving_tracks(self.reconstruction, self.read))
-            found = ObjectsOfClip(tracks, self._object, self._people_in).subjects()
-            self._keep_objects([each.strokes for each in found])
-        else:
-            found = [self._object(strokes) for strokes in kept]
-        return [
-            ClipSubject(f"object {number}", f"object{number}", each.cut, self.store, "object")
-            for number, each in enumerate(found, 1)
-        ]
+        return self._once(OBJECTS, self._kept_objects, self._found_objects)
+
+    def _found_objects(self) -> list[ClipSubject]:
+        """The other moving objects of the clip, kept in all frames."""
+        tracks = list(moving_tracks(self.reconstruction, self.read))
+        carried = ObjectsOfClip(tracks, self._object, self._people_in).subjects()
+        found = self._followed("object", [each.cut for each in carried])
+        self._keep_objects([each.strokes for each in carried])
+        return found
 
     def _object(self, strokes: tuple[Stroke, ...]) -> CarriedSubject:
         return CarriedSubject(self.pictures, self.networks, strokes, corrects=False)
@@ -192,15 +207,16 @@ class ClipSubjects:
         nobody = np.zeros(self.pictures.picture(frame).shape[:2], bool)
         return united([nobody, *(each.mask(frame) for each in self.people)])
 
-    def _kept_objects(self) -> list[tuple[Stroke, ...]] | None:
-        """The strokes of moving objects as they are kept; None where they are not."""
+    def _kept_objects(self) -> list[ClipSubject] | None:
+        """The moving objects as they are kept, by their strokes; None where they are not."""
         kept = self.store and self.store.read(OBJECTS, ("frames", "counts", "places"))
         if not kept or kept["places"].shape != (len(kept["frames"]), 2):
             return None
         rows = zip(kept["frames"].tolist(), kept["places"].tolist(), strict=True)
         strokes = [Stroke(int(frame), ((float(x), float(y)),)) for frame, (x, y) in rows]
         ends = np.cumsum(kept["counts"].astype(int)).tolist()
-        return [tuple(strokes[start:end]) for start, end in zip([0, *ends], ends, strict=False)]
+        marks = [tuple(strokes[start:end]) for start, end in zip([0, *ends], ends, strict=False)]
+        return self._followed("object", [self._object(each).cut for each in marks], keep=False)
 
     def _keep_objects(self, strokes: list[tuple[Stroke, ...]]) -> None:
         if self.store is not None:
