@@ -15,12 +15,13 @@ from addon.core.base import calls
 from addon.core.base.calls import Call
 from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, checkpoint, reporting
-from addon.core.camera.reconstruction import Intrinsics
+from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.focus.focus import Focus
 from addon.core.frame.inspection import NAMES
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL
 from addon.core.frame.repairs import Repair
+from addon.core.subjects.clip_subjects import ClipSubjects
 from addon.core.subjects.strokes import MarkedSubject
 from addon.render.processes.clip_process import ClipProcess
 from addon.render.viewport import pictures, preview, viewport
@@ -176,6 +177,16 @@ def test_the_feature_points_are_enough_to_begin_with(previews: Previews, wanted:
         < 0.8
         * np.diff(make_picture(replace(layers, shows="depth"), ROUGH).linear.astype(float), axis=1).std()
     )
+
+
+def test_a_first_look_before_a_camera_that_stays_does_not_wait_for_subjects(
+    wanted: Wanted, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Reconstruction, "stays", property(lambda _: True))
+    monkeypatch.setattr(ClipSubjects, "people", property(lambda _: pytest.fail("people are looked for")))
+    layers = replace(wanted, options=replace(wanted.options, method="layers"))
+    rough, shot = make_picture(layers, ROUGH), make_picture(layers, CLIP)
+    np.testing.assert_array_equal(rough.linear, shot.linear)
 
 
 def test_the_last_wish_counts(previews: Previews, wanted: Wanted) -> None:

@@ -166,8 +166,13 @@ def _clip(wanted: Wanted) -> Half:
 
 
 def _rough(wanted: Wanted) -> LinearRGBA:
-    """A picture (h, w, 4) without depth; as it was shot if there are too few feature points."""
-    if not wanted.shows:
+    """A picture (h, w, 4) without depth; as it was shot if there are too few feature points.
+
+    Before a camera that stays, only subjects have a distance, and to find them takes longer than a look.
+    """
+    context = wanted.shot.context
+    is_flat = wanted.shot.reconstruction.stays and context.may_focus_on_subjects
+    if not (wanted.shows or is_flat):
         with contextlib.suppress(UserError):
             return _through_lens(wanted, ROUGH)
     return _clip(wanted).astype(np.float32)
