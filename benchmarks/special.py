@@ -44,6 +44,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "interface": (TIMINGS, "the preview, an import, and a move of the eyedropper"),
     "preview_process": (TIMINGS, "what a preview in another process would cost beside its pictures"),
     "point_sets": (TIMINGS, "positions on the aperture and splats of views, error over their number"),
+    "real_costs": (TIMINGS, "real clips from command to written file; --profiles: by module (real data)"),
     "view_error": (TIMINGS, "error over the number of views"),
     "whole_runs": (TIMINGS, "a clip from command to written file"),
     "density": (SOLVING, "points that a frame shows and did not track"),

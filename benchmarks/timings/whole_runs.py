@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -57,6 +57,26 @@ class Run:
     """Processor seconds, of all threads and of its own processes."""
     peak_mb: float
     """Memory at its peak."""
+
+
+def timed_process(
+    command: Iterable[object], log: Path, cores: int = 0, environment: Mapping[str, str] | None = None
+) -> Run:
+    """Run a command on so many processors if not 0. SystemExit with the end of its output if it fails."""
+    allowed = sorted(os.sched_getaffinity(0))[: cores or None]
+    began = time.perf_counter()
+    with log.open("w+") as written:
+        process = subprocess.Popen(
+            [str(word) for word in command], stdout=written, stderr=written, env=environment,
+            preexec_fn=partial(os.sched_setaffinity, 0, allowed),
+        )  # fmt: skip
+        _, status, used = os.wait4(process.pid, 0)
+        wall = time.perf_counter() - began
+        process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode:
+            written.seek(0)
+            raise SystemExit(written.read()[-1000:])
+    return Run(wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 
 
 @dataclass(frozen=True)
@@ -109,20 +129,8 @@ class Clip:
         out = self.folder / "out"
         shutil.rmtree(out, ignore_errors=True)
         frames = ("--frames", f"{first}-{first + count - 1}", "--out", out / "####.png")
-        command = [str(word) for word in (sys.executable, self.program, "render", self.work, *words, *frames)]
-        allowed = sorted(os.sched_getaffinity(0))[: cores or None]
-        began = time.perf_counter()
-        with (self.folder / "log.txt").open("w+") as log:
-            process = subprocess.Popen(
-                command, stdout=log, stderr=log, preexec_fn=partial(os.sched_setaffinity, 0, allowed)
-            )
-            _, status, used = os.wait4(process.pid, 0)
-            wall = time.perf_counter() - began
-            process.returncode = os.waitstatus_to_exitcode(status)
-            if process.returncode:
-                log.seek(0)
-                raise SystemExit(log.read()[-1000:])
-        return Run(wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+        command = [sys.executable, self.program, "render", self.work, *words, *frames]
+        return timed_process(command, self.folder / "log.txt", cores)
 
     def kept_mb(self) -> float:
         """What a frame's kept depth takes; 0 of none."""
