@@ -1,9 +1,11 @@
-"""A cache of the values of recent frames."""
+"""Caches of the values of recent frames."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+from functools import wraps
+from typing import Any, Concatenate
 
 from .side_by_side import Lock
 
@@ -17,7 +19,7 @@ class LRUCache[V]:
     Two threads that ask for a value at once may both make it. `limit` bounds the sum of the values' sizes.
     """
 
-    def __init__(self, limit: int = MOST, size: Callable[[V], int] = lambda value: 1) -> None:
+    def __init__(self, limit: float = MOST, size: Callable[[V], int] = lambda value: 1) -> None:
         self._limit, self._size = limit, size
         self._kept: OrderedDict[Hashable, V] = OrderedDict()
         self._lock = Lock()
@@ -44,3 +46,21 @@ class LRUCache[V]:
             while len(self._kept) > 1 and sum(map(self._size, self._kept.values())) > self._limit:
                 self._kept.popitem(last=False)
         return value
+
+
+def remembered[S, **P, V](
+    limit: float = MOST, size: Callable[[Any], int] = lambda value: 1
+) -> Callable[[Callable[Concatenate[S, P], V]], Callable[Concatenate[S, P], V]]:
+    """Have an object remember the last results of a method by their arguments, as an `LRUCache` does."""
+
+    def of(method: Callable[Concatenate[S, P], V]) -> Callable[Concatenate[S, P], V]:
+        name = f"{method.__name__} remembered"
+
+        @wraps(method)
+        def get(thing: S, /, *args: P.args, **named: P.kwargs) -> V:
+            kept: LRUCache[V] = vars(thing).setdefault(name, LRUCache[V](limit, size))
+            return kept.get((args, *named.items()), lambda: method(thing, *args, **named))
+
+        return get
+
+    return of

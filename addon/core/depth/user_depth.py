@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA, Map, pixel_centres
 from ..base.errors import UserError
-from ..base.lru_cache import LRUCache
+from ..base.lru_cache import remembered
 from ..base.nearest_fill import nearest
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
@@ -79,6 +79,7 @@ class UserDepth(DepthSource):
         # For a camera that stays, no stereo has better edges than the map.
         return stepped(whole, level_of(whole)) if self.reconstruction.stays else whole
 
+    @remembered(KEPT_MAPS)
     def _small(self, frame: int) -> Map:
         """`_without_holes` (h, w) at the size of the background's search."""
         whole = self._without_holes(frame)
@@ -123,7 +124,7 @@ class UserDepth(DepthSource):
             places = rays[..., :2] / ahead[..., None] * pinhole.focal + pinhole.principal_point
         inside = (ahead > 0) & np.all((places >= 0) & (places < [pinhole.width, pinhole.height]), axis=-1)
         try:
-            whole = self._kept.get(image.frame, partial(self._small, image.frame))
+            whole = self._small(image.frame)
         except UserError:
             # Said where that frame itself is drawn.
             return np.full(ahead.shape, np.nan, np.float32)
@@ -147,21 +148,14 @@ class UserDepth(DepthSource):
     def _fitted(self, frame: int) -> Floats:
         """Return (H, W) the fitted map of a frame."""
         near = [each for each in self.maps.frames if abs(each - frame) <= AROUND]
-        lines = [self._lines.get(each, partial(self._own_line, each)) for each in near]
+        lines = [self._own_line(each) for each in near]
         seen, inverse_depth = _features(self.reconstruction, frame)
         line = steadied(lines, frame, self.fit)
         return fit_depth(self.maps.read(frame), seen, inverse_depth, self.fit, line)
 
+    @remembered()
     def _own_line(self, frame: int) -> FrameLine:
         return frame_line(self.maps.read(frame), *_features(self.reconstruction, frame), self.fit)
-
-    @cached_property
-    def _kept(self) -> LRUCache[Map]:
-        return LRUCache(KEPT_MAPS)
-
-    @cached_property
-    def _lines(self) -> LRUCache[FrameLine]:
-        return LRUCache()
 
 
 def _features(reconstruction: Reconstruction, frame: int) -> tuple[Floats, Floats]:

@@ -21,6 +21,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Map
+from ..base.lru_cache import remembered
 from ..base.progress import checkpoint
 from .light import encode_srgb, to_gray8
 from .picture_file import Pixels
@@ -141,6 +142,7 @@ class Noise:
         left[0] = 1
         return left[:, KINDS]
 
+    @remembered()
     def at_scale(self, scale: float) -> Noise:
         """Return the noise of pictures `scale` times as large."""
         if scale == 1:

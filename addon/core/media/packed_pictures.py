@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..base.errors import UserError
-from ..base.lru_cache import LRUCache
+from ..base.lru_cache import remembered
 from ..base.npz import ArrayFile
 from ..base.regular_file import open_regular
 from .clip import DEPTH_MAP, Footage
@@ -32,18 +32,15 @@ class PackedPictures(Footage):
 
     decode: Callable[[int], Pixels] = field(kw_only=True, repr=False, compare=False)
     """A frame's picture from the file; OSError or ValueError where it cannot be read."""
-    _pictures: LRUCache[Pixels] = field(
-        default_factory=lambda: LRUCache[Pixels](MOST, lambda picture: picture.nbytes),
-        repr=False, compare=False,
-    )  # fmt: skip
 
+    @remembered(MOST, lambda picture: picture.nbytes)
     def read(self, frame: int) -> Pixels:
         """Return a picture (h, w, 3 or 4) of one of `frames` as stored, float32 for arrays.
 
         Raises:
             UserError: It is damaged.
         """
-        return self._pictures.get(frame, lambda: _readable(self.path, self.decode, frame))
+        return _readable(self.path, self.decode, frame)
 
 
 def is_packed(path: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -10,6 +11,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Map, Mask
+from ..base.lru_cache import remembered
 from ..base.progress import checkpoint
 from .cut import Cut, Neighbour, carries, first_cut, moved_with, next_cut
 from .flow import warped
@@ -80,7 +82,6 @@ class CarriedSubject:
     """Whether strokes correct the result of earlier strokes; without, each frame's strokes are cut out
     anew."""
     _tracks: dict[int, Track] = field(default_factory=dict, repr=False, compare=False)
-    _firsts: dict[int, tuple[Cut, bool]] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def marked_frames(self) -> list[int]:
@@ -126,16 +127,14 @@ class CarriedSubject:
         first, corrects = self._first(frame)
         return first if corrects else self._settled(frame, first)
 
+    @remembered(math.inf)
     def _first(self, frame: int) -> tuple[Cut, bool]:
         """The subject in a frame with strokes, and whether these correct what earlier ones have found."""
-        if frame not in self._firsts:
-            number = next(i for i, stroke in enumerate(self.strokes) if stroke.frame == frame)
-            prior = self._prior(frame, self.strokes[:number])
-            picture, strokes = self.pictures.picture(frame), self.strokes_in(frame)
-            beside = neighbours(self.pictures, frame)
-            first = first_cut(self.networks, picture, strokes, beside, prior)
-            self._firsts[frame] = first, prior is not None
-        return self._firsts[frame]
+        number = next(i for i, stroke in enumerate(self.strokes) if stroke.frame == frame)
+        prior = self._prior(frame, self.strokes[:number])
+        picture, strokes = self.pictures.picture(frame), self.strokes_in(frame)
+        beside = neighbours(self.pictures, frame)
+        return first_cut(self.networks, picture, strokes, beside, prior), prior is not None
 
     def _prior(self, frame: int, earlier: tuple[Stroke, ...]) -> Map | None:
         """(h, w) its probability in a frame by earlier strokes; None where none of them adds."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Bytes, Map, Mask
-from ..base.lru_cache import LRUCache
+from ..base.lru_cache import remembered
 from ..base.progress import checkpoint
 
 KEPT = 64 << 20
@@ -63,14 +63,6 @@ class ClipFlow:
     """Registered frames, ascending."""
     picture: Callable[[int], Bytes]
     """A frame's picture (h, w, 3), display-encoded RGB."""
-    _flows: LRUCache[HalfFlow] = field(
-        default_factory=lambda: LRUCache[HalfFlow](KEPT, lambda flow: flow.motion.nbytes),
-        repr=False,
-        compare=False,
-    )
-    _places: LRUCache[tuple[Map, Map]] = field(
-        default_factory=lambda: LRUCache[tuple[Map, Map]](PLACES), repr=False, compare=False
-    )
 
     def step(self, frame: int, way: int) -> Map:
         """Return the motion (h, w, 2), in pixels, of a frame's pixels to the frame after or before it.
@@ -81,28 +73,23 @@ class ClipFlow:
             frame: Number of the frame.
             way: 1 for the frame after it, -1 for the one before.
         """
-        at = self.frames.index(frame)
-        other = self.frames[at + way]
-        key = 2 * at + (way > 0)
+        return self._half(frame, way).whole
 
-        def found() -> HalfFlow:
-            checkpoint()
-            grey = [cv2.cvtColor(self.picture(one), cv2.COLOR_RGB2GRAY) for one in (frame, other)]
-            search = cv2.DISOpticalFlow.create(PRESET)
-            flow = np.asarray(search.calc(*grey, None), np.float32)  # type: ignore[call-overload]
-            return HalfFlow.of(flow)
+    @remembered(KEPT, lambda flow: flow.motion.nbytes)
+    def _half(self, frame: int, way: int) -> HalfFlow:
+        checkpoint()
+        other = self.frames[self.frames.index(frame) + way]
+        grey = [cv2.cvtColor(self.picture(one), cv2.COLOR_RGB2GRAY) for one in (frame, other)]
+        search = cv2.DISOpticalFlow.create(PRESET)
+        flow = np.asarray(search.calc(*grey, None), np.float32)  # type: ignore[call-overload]
+        return HalfFlow.of(flow)
 
-        return self._flows.get(key, found).whole
-
+    @remembered(PLACES)
     def there(self, frame: int, way: int) -> tuple[Map, Map]:
         """Return the places (h, w, 2) of a frame's pixels in the next, as of `step`, and certainty (h, w).
 
         Certainty in [0, 1] is high where the flow back from there returns to the pixel.
         """
-        key = 2 * self.frames.index(frame) + (way > 0)
-        return self._places.get(key, lambda: self._there(frame, way))
-
-    def _there(self, frame: int, way: int) -> tuple[Map, Map]:
         flow = self.step(frame, way)
         other = self.frames[self.frames.index(frame) + way]
         place = flow + grid(flow.shape[:2])

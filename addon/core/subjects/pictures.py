@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Bytes
-from ..base.lru_cache import LRUCache
+from ..base.lru_cache import remembered
 from ..media.light import encode_srgb
 from ..media.picture_file import Pixels
 from .flow import ClipFlow
@@ -30,15 +30,11 @@ class ClipPictures:
     """Numbers of the frames, ascending."""
     read: Callable[[int], Pixels]
     """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
-    _pictures: LRUCache[Bytes] = field(
-        default_factory=lambda: LRUCache[Bytes](KEPT, lambda picture: picture.nbytes),
-        repr=False,
-        compare=False,
-    )
 
+    @remembered(KEPT, lambda picture: picture.nbytes)
     def picture(self, frame: int) -> Bytes:
         """Return a frame's picture (h, w, 3), display-encoded RGB. Errors as of `read`."""
-        return self._pictures.get(frame, lambda: small(self.read(frame)))
+        return small(self.read(frame))
 
     @cached_property
     def flow(self) -> ClipFlow:
