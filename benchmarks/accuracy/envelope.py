@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from addon.core.depth.depth_store import DepthStore
+from addon.core.base.store import Store
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.quality import NORMAL, QUALITIES, Quality
 
@@ -139,8 +139,8 @@ def _found(
     return clips, costs
 
 
-def _store(folder: Path, quality: Quality) -> DepthStore:
-    return DepthStore(folder, lambda: quality.name)
+def _store(folder: Path, quality: Quality) -> Store:
+    return Store(folder, lambda: quality.name)
 
 
 def text(curves: list[Curve], blur: int) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from addon.core.depth.depth_store import LONGEST_SIDE, decoded
+from addon.core.base.store import LONGEST_SIDE, decoded
 
 from .metrics import Mask
 

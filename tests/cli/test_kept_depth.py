@@ -11,7 +11,7 @@ import pytest
 
 from addon.cli import depth
 from addon.core.base import limits
-from addon.core.depth.depth_store import delete_kept
+from addon.core.base.store import delete_kept
 
 from ..command_line import headless, run
 from ..faults import full_disk

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from addon.core.base.arrays import Floats, Map, Mask
+from addon.core.base.store import NOT_KEPT, Store
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.depth_store import DepthStore
 from addon.core.depth.map_fusion import (
     BORDER,
     LEVELS,
@@ -362,7 +362,7 @@ def pictures() -> list[NDArray[np.uint8]]:
     return planes.halved(clip(track()))
 
 
-def counted(aside: float = 0.0, store: DepthStore | None = None) -> tuple[Counted, TemporalFusion]:
+def counted(aside: float = 0.0, store: Store = NOT_KEPT) -> tuple[Counted, TemporalFusion]:
     """Depth of the track's frames from pictures of half the size, and what sweeps them."""
     shot = poses(track(aside), features(), HALF)
     shown = planes.halved(clip(track(aside))) if aside else pictures()
@@ -392,7 +392,7 @@ def test_a_frame_that_key_frames_see_too_little_of_is_swept_itself() -> None:
 def test_every_frame_is_swept_itself_once_where_that_is_asked_for() -> None:
     single, _ = counted()
     shot = poses(track(), features(), HALF)
-    every = TemporalFusion(shot, single, None, FusionOptions(most_unseen=-1.0))
+    every = TemporalFusion(shot, single, options=FusionOptions(most_unseen=-1.0))
     every.at(8)
     assert single.swept == [3, 5, 7, 9, 11, 13, 8]
     single.swept.clear()
@@ -402,10 +402,10 @@ def test_every_frame_is_swept_itself_once_where_that_is_asked_for() -> None:
 
 
 def test_kept_depth_is_the_same_and_not_found_again(tmp_path: Path) -> None:
-    store = DepthStore(tmp_path, lambda: "key")
+    store = Store(tmp_path, lambda: "key")
     _, fusion = counted(store=store)
     found = fusion.at(8)
-    single, again = counted(store=DepthStore(tmp_path, lambda: "key"))
+    single, again = counted(store=Store(tmp_path, lambda: "key"))
     kept = again.at(8)
     assert single.swept == []
     for one, other in ((found, kept), (counted()[1].at(8), kept)):

@@ -11,7 +11,7 @@ import pytest
 from addon.cli.main import run_command
 from addon.core.base.arrays import Floats
 from addon.core.base.errors import UserError
-from addon.core.depth.depth_store import DepthStore
+from addon.core.base.store import Store
 from addon.core.depth.source import FirstKnown
 from addon.core.focus.place import NEAR, PlaceFinder
 from addon.core.focus.pull import inverse_depths
@@ -80,7 +80,7 @@ def test_a_place_amid_points_on_another_surface_is_not_theirs(footage: Path) -> 
 
 
 def test_a_glance_finds_nothing_and_then_tells_the_same_as_a_click(footage: Path, tmp_path: Path) -> None:
-    stores = {"store": lambda _: DepthStore(tmp_path, lambda: "key")}
+    stores = {"store": lambda _: Store(tmp_path, lambda: "key")}
     shot = Shot(open_footage(footage), poses(CENTRES, near_plane()))
     context = ClipContext(shot.reconstruction, shot.read, **stores)
     finder = context.places(FRAME)

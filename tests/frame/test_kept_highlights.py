@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.arrays import LinearRGBA
-from addon.core.depth.depth_store import DepthStore
+from addon.core.base.store import NOT_KEPT, Store
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.highlights import RESTORED
 from addon.core.media.light import to_linear
@@ -26,7 +26,7 @@ FRAME = 6
 read = lru_cache(maxsize=STREET.count)(STREET.read)
 
 
-def street(store: DepthStore | None = None, pictures: Callable[[int], Pixels] = read) -> ClipContext:
+def street(store: Store = NOT_KEPT, pictures: Callable[[int], Pixels] = read) -> ClipContext:
     return replace(STREET.context, read=pictures, clip_store=store)
 
 
@@ -48,30 +48,30 @@ def test_lamps_of_a_street_get_light() -> None:
 
 
 def test_what_is_kept_is_what_was_found_and_no_other_frame_is_read_for_it(tmp_path: Path) -> None:
-    first = street(DepthStore(tmp_path, lambda: "a"))
+    first = street(Store(tmp_path, lambda: "a"))
     assert not first.knows_highlights(FRAME, RESTORED)
     np.testing.assert_array_equal(first.picture(FRAME, RESTORED), found())
-    again = street(DepthStore(tmp_path, lambda: "a"), only)
+    again = street(Store(tmp_path, lambda: "a"), only)
     assert again.knows_highlights(FRAME, RESTORED)
     np.testing.assert_array_equal(again.picture(FRAME, RESTORED), found())
     # Of another clip, or at another threshold, nothing is kept.
-    assert not street(DepthStore(tmp_path, lambda: "b")).knows_highlights(FRAME, RESTORED)
+    assert not street(Store(tmp_path, lambda: "b")).knows_highlights(FRAME, RESTORED)
     assert not again.knows_highlights(FRAME, replace(RESTORED, threshold=0.9))
 
 
 def test_what_other_frames_tell_is_kept_too(tmp_path: Path) -> None:
-    street(DepthStore(tmp_path, lambda: "a")).picture(FRAME, RESTORED)
+    street(Store(tmp_path, lambda: "a")).picture(FRAME, RESTORED)
     for path in tmp_path.rglob("lost-*.npz"):
         path.unlink()
     np.testing.assert_array_equal(
-        street(DepthStore(tmp_path, lambda: "a"), only).picture(FRAME, RESTORED), found()
+        street(Store(tmp_path, lambda: "a"), only).picture(FRAME, RESTORED), found()
     )
 
 
 @pytest.mark.parametrize("kind", ["lost", "lamps"])
 @pytest.mark.parametrize("damage", ["cut", "noise", "other"])
 def test_a_damaged_file_is_not_there(tmp_path: Path, kind: str, damage: str) -> None:
-    street(DepthStore(tmp_path, lambda: "a")).picture(FRAME, RESTORED)
+    street(Store(tmp_path, lambda: "a")).picture(FRAME, RESTORED)
     files = sorted(tmp_path.rglob("*.npz"))
     others = [path for path in files if not path.name.startswith(kind)]
     for path in files:
@@ -79,18 +79,18 @@ def test_a_damaged_file_is_not_there(tmp_path: Path, kind: str, damage: str) -> 
             data = path.read_bytes()
             noise = np.random.default_rng(0).bytes(len(data))
             path.write_bytes({"cut": data[:-9], "noise": noise, "other": others[0].read_bytes()}[damage])
-    np.testing.assert_array_equal(street(DepthStore(tmp_path, lambda: "a")).picture(FRAME, RESTORED), found())
+    np.testing.assert_array_equal(street(Store(tmp_path, lambda: "a")).picture(FRAME, RESTORED), found())
 
 
 def test_a_frame_of_another_size_is_not_what_was_kept(tmp_path: Path) -> None:
-    street(DepthStore(tmp_path, lambda: "a")).picture(FRAME, RESTORED)
-    half = street(DepthStore(tmp_path, lambda: "a"), lambda frame: read(frame)[:90])
+    street(Store(tmp_path, lambda: "a")).picture(FRAME, RESTORED)
+    half = street(Store(tmp_path, lambda: "a"), lambda frame: read(frame)[:90])
     assert half.picture(FRAME, RESTORED).shape == (90, 320, 4)
 
 
 def test_a_picture_without_highlights_is_kept_as_such(tmp_path: Path) -> None:
     for reads in (lambda frame: read(frame) // 2, lambda frame: read(frame) // 2):
-        clip = street(DepthStore(tmp_path, lambda: "a"), reads)
+        clip = street(Store(tmp_path, lambda: "a"), reads)
         np.testing.assert_array_equal(clip.picture(FRAME, RESTORED), to_linear(read(FRAME) // 2))
     (path,) = tmp_path.rglob("*.npz")
     assert path.stat().st_size < 2000

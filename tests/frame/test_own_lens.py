@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from addon.core.base.arrays import Floats, Map
+from addon.core.base.store import Store
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.depth.depth_store import DepthStore
 from addon.core.frame.clip_context import no_picture
 from addon.core.frame.own_lens import OwnLens, edge_variances, own_lens
 from addon.core.media.light import encode_srgb
@@ -107,13 +107,13 @@ def test_a_clip_that_is_all_sharp_or_all_soft_has_none() -> None:
 
 def test_a_kept_lens_is_read_without_a_frame(tmp_path: Path) -> None:
     clip, read = filmed(lambda inverse, frame: 2 * 0.08 * LENS.fx * abs(inverse - 0.15))
-    first = own_lens(clip, read, DepthStore(tmp_path, lambda: "key"))
+    first = own_lens(clip, read, Store(tmp_path, lambda: "key"))
     assert first is not None
-    assert own_lens(clip, no_picture, DepthStore(tmp_path, lambda: "key")) == first
+    assert own_lens(clip, no_picture, Store(tmp_path, lambda: "key")) == first
 
     sharp, read = filmed(lambda inverse, frame: 0.0)
-    assert own_lens(sharp, read, DepthStore(tmp_path, lambda: "sharp")) is None
-    assert own_lens(sharp, no_picture, DepthStore(tmp_path, lambda: "sharp")) is None
+    assert own_lens(sharp, read, Store(tmp_path, lambda: "sharp")) is None
+    assert own_lens(sharp, no_picture, Store(tmp_path, lambda: "sharp")) is None
 
 
 def test_photos_have_no_lens_in_common() -> None:

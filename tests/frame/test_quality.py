@@ -11,10 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 from addon.core.base.arrays import LinearRGBA
+from addon.core.base.store import Store
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.depth_store import DepthStore, KeptDepth
+from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.source import PixelDepth
+from addon.core.depth.stored_depth import depth_entry
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.detail import enlarged, enlarged_values
@@ -137,9 +139,9 @@ def test_a_draft_takes_depth_that_is_kept_of_normal_and_nothing_else_does(
     shape = pinhole.height, pinhole.width
     strange = np.full(shape, 0.5, np.float32)
     strange[0] = 0.25
-    found = KeptDepth.of(strange, np.ones(shape, np.float32), np.zeros(shape, bool))
-    stores = {each.name: DepthStore(tmp_path, lambda each=each: each.name) for each in QUALITIES.values()}  # type: ignore[misc]
-    stores["normal"].keep_depth(frame, found)
+    found = DenseDepth(frame, strange, np.ones(shape, np.float32), np.zeros(shape, bool), pinhole)
+    stores = {each.name: Store(tmp_path, lambda each=each: each.name) for each in QUALITIES.values()}  # type: ignore[misc]
+    stores["normal"].get(depth_entry("depth", frame, pinhole), lambda: found)
     kept = ClipContext(bare.reconstruction, bare.read, store=lambda quality: stores[quality.name]).depth(
         frame, canvas, SOURCE, quality
     )

@@ -23,8 +23,10 @@ from addon.core.base.digest import file_digest
 from addon.core.base.errors import UserError
 from addon.core.base.folder_lock import FolderLock
 from addon.core.base.regular_file import is_regular, open_regular, read_regular
+from addon.core.base.store import Store
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.depth_store import DepthStore, KeptDepth
+from addon.core.depth.multi_view_stereo import DenseDepth
+from addon.core.depth.stored_depth import depth_entry
 from addon.core.media import exif
 from addon.core.media.clip import open_footage
 from addon.core.media.clip_identity import identity
@@ -281,12 +283,11 @@ def test_an_array_is_as_large_as_it_says(tmp_path: Path) -> None:
 def test_kept_depth_of_another_size_than_the_frame_is_not_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shape = (30, 40)
-    flat = np.full(shape, 0.5, np.float32)
-    kept = KeptDepth.of(flat, flat, flat > 1)
-    store = DepthStore(tmp_path, lambda: "a")
-    store.keep_depth(1, kept)
-    assert store.depth(1, shape) is not None
+    lens = Intrinsics(40, 30, 40.0, 40.0, 20.0, 15.0)
+    flat = np.full((30, 40), 0.5, np.float32)
+    store, entry = Store(tmp_path, lambda: "a"), depth_entry("depth", 1, lens)
+    store.get(entry, lambda: DenseDepth(1, flat, flat, flat > 1, lens))
+    assert store.read(entry) is not None
     path = next(tmp_path.rglob("depth-*.npz"))
     with np.load(path) as there:
         parts = dict(there)
@@ -296,8 +297,8 @@ def test_kept_depth_of_another_size_than_the_frame_is_not_decoded(
     sizes = []
     decode = cv2.imdecode
     monkeypatch.setattr(cv2, "imdecode", lambda *arguments: sizes.append(decode(*arguments)) or sizes[-1])
-    assert store.depth(1, shape) is None
-    assert max(each.size for each in sizes) <= 9 * 40 * 40
+    assert store.read(entry) is None
+    assert max((each.size for each in sizes), default=0) <= 9 * 40 * 40
 
 
 def test_a_model_that_is_a_pipe_is_refused(work: Path, tmp_path: Path) -> None:

@@ -16,10 +16,11 @@ from addon.core.base.arrays import Floats, Map
 from addon.core.base.errors import UserError
 from addon.core.base.file_lock import FileLock
 from addon.core.base.progress import Cancelled, reporting
+from addon.core.base.store import Store, delete_kept
 from addon.core.depth import matching
-from addon.core.depth.depth_store import DepthStore, delete_kept
 from addon.core.depth.matching import Winners
 from addon.core.depth.multi_view_stereo import PlaneSweepStereo
+from addon.core.depth.stored_depth import depth_entry
 from addon.core.media.clip import open_footage
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
@@ -253,8 +254,8 @@ def test_depth_of_a_solve_is_found_by_it(calls: list[tuple[int, int]], work: Pat
             assert (HALVED.height, HALVED.width) in calls and gpu_matcher._problem == ""
             calls.clear()
         (folder,) = {path.parent for path in (work / "depth").rglob("depth-*.npz")}
-        store = DepthStore(folder.parent, lambda name=folder.name: name)
-        depth = store.depth(MIDDLE, (HALVED.height, HALVED.width))
+        store = Store(folder.parent, lambda name=folder.name: name)
+        depth = store.read(depth_entry("depth", MIDDLE, HALVED))
         assert depth is not None
         kept.append(depth.inverse_depth)
         delete_kept(work / "depth")

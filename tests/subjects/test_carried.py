@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.depth.depth_store import DepthStore
+from addon.core.base.store import Store
 from addon.core.frame.clip_context import no_picture
 from addon.core.subjects.carried import CarriedSubject, PeopleOfClip
 from addon.core.subjects.distance import SubjectDistance
@@ -194,7 +194,7 @@ def test_kept_sizes_need_no_picture(tmp_path: Path) -> None:
             x, y = np.meshgrid(np.arange(WIDTH) - 256, np.arange(HEIGHT) - 144)
             return np.asarray(np.maximum(abs(x), abs(y)) < 55 + 2 * frame)
 
-        store = DepthStore(tmp_path, lambda: "key")
+        store = Store(tmp_path, lambda: "key")
         found = SubjectDistance(
             clip, square, lambda frames: dict.fromkeys(frames, 0.2), store, "moving-a-sizes"
         )

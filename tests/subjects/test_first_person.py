@@ -12,7 +12,7 @@ import pytest
 
 from addon.core.base.arrays import Bytes, Mask
 from addon.core.base.errors import UserError
-from addon.core.depth.depth_store import DepthStore, encoded
+from addon.core.base.store import Store
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.frame.first_person import middle_of, nearest_subject
@@ -113,7 +113,7 @@ def test_people_are_looked_for_once(tmp_path: Path) -> None:
     if not Networks().exist:
         pytest.skip("the networks are not in addon/networks: run tools/networks.py")
     clip = walls.filmed(walls.with_person, tuple(range(11, 17)))
-    store = DepthStore(tmp_path, lambda: 16 * "a")
+    store = Store(tmp_path, lambda: 16 * "a")
     found = clip.reconstruction, clip.read, store
     first, second = (ClipSubjects(*found, Counting()) for _ in range(2))
     (person,) = first.people
@@ -123,9 +123,9 @@ def test_people_are_looked_for_once(tmp_path: Path) -> None:
     for frame in (11, 16):
         assert np.array_equal(again.cut(frame).share, person.cut(frame).share)
     # A file of pictures of another size.
-    store.write(PEOPLE, {"frames": np.array([11]), "shares": encoded(np.zeros((5, 7), np.uint8))})
+    store.write(PEOPLE, {"frames": np.array([11]), "shares": np.zeros((5, 7), np.uint8)})
     assert len(ClipSubjects(*found, Counting()).people) == 1
-    nobody = clip.reconstruction, walls.still, DepthStore(tmp_path, lambda: 16 * "b")
+    nobody = clip.reconstruction, walls.still, Store(tmp_path, lambda: 16 * "b")
     assert ClipSubjects(*nobody, Counting()).people == ClipSubjects(*nobody, blind := Counting()).people == []
     assert blind.calls == 0
 

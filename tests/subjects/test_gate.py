@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.arrays import Bytes, Mask
-from addon.core.depth.depth_store import DepthStore
+from addon.core.base.store import NOT_KEPT, Store
 from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.frame.clip_context import no_picture
@@ -52,19 +52,19 @@ def test_masks_count_where_no_subjects_are_found() -> None:
     np.testing.assert_array_equal(moving(said, 9), disc(9))
 
 
-def subjects(shown: Callable[[int], Bytes], store: DepthStore | None) -> ClipSubjects:
+def subjects(shown: Callable[[int], Bytes], store: Store) -> ClipSubjects:
     """The subjects of a clip of pictures, without networks."""
     return ClipSubjects(filmed(walls.with_disc).reconstruction, shown, store, Networks(walls.NONE))
 
 
 def test_objects_are_found_once(tmp_path: Path) -> None:
-    (found,) = subjects(walls.with_disc, DepthStore(tmp_path, lambda: "a")).objects
+    (found,) = subjects(walls.with_disc, Store(tmp_path, lambda: "a")).objects
     first = found.mask(16)
     # Their strokes and masks are read, and no frame.
-    store = DepthStore(tmp_path, lambda: "a")
+    store = Store(tmp_path, lambda: "a")
     (again,) = subjects(no_picture, store).objects
     assert again.name == "object 1" and np.array_equal(again.mask(16), first)
-    still = DepthStore(tmp_path, lambda: "b")
+    still = Store(tmp_path, lambda: "b")
     assert subjects(walls.still, still).objects == subjects(no_picture, still).objects == []
     # A damaged file is none.
     store.write(OBJECTS, {"frames": np.array([1]), "counts": np.array([8]), "places": np.zeros(8)})
@@ -188,4 +188,4 @@ def flat(frame: int) -> Bytes:
 
 
 def test_a_picture_without_corners_has_no_moving_objects() -> None:
-    assert subjects(flat, None).objects == []
+    assert subjects(flat, NOT_KEPT).objects == []

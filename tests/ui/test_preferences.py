@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from addon.core.base import limits
-from addon.core.depth.depth_store import DepthStore, KeptDepth, kept_size
+from addon.core.base.store import Store, kept_size
 from addon.core.sfm.state import STATE
 from addon.scene.base import preferences
 from addon.scene.sources.clip import work_dir
@@ -89,10 +89,8 @@ def test_kept_depth_is_shown_and_deleted(scene: bpy.types.Scene, tmp_path: Path)
     from addon.ui.panels.preferences import _sizes
 
     _sizes.clear()
-    depth = np.full((8, 8), 0.1, np.float32)
-    moving = np.zeros((8, 8), bool)
     for key in ("old", "new"):
-        DepthStore(work / "depth", lambda key=key: key).keep_depth(1, KeptDepth.of(depth, depth, moving))
+        Store(work / "depth", lambda key=key: key).write("depth-000001", {"inverse": np.zeros((8, 8))})
     (work / "depth" / "old" / "notes.txt").write_text("mine")
     assert kept_size(work / "depth") > 0
     assert any(text.startswith("Delete Kept Depth (0.0 MB") for text in draw(files).texts)

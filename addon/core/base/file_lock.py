@@ -8,7 +8,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
 
@@ -95,6 +95,21 @@ class FileLock:
     def _remove(self) -> None:
         with contextlib.suppress(OSError):
             self._path.unlink()
+
+
+@contextlib.contextmanager
+def claimed(path: Path) -> Iterator[bool]:
+    """Hold a lock file unless another process does; yields whether none does. Without locks, none does."""
+    is_free = True
+    lock: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
+    try:
+        lock = FileLock(path, UserError, patience=0)
+    except UserError:
+        is_free = False
+    except OSError:
+        pass
+    with lock:
+        yield is_free
 
 
 def is_abandoned(lock: Path, table: str, pid: int) -> bool:

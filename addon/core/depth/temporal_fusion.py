@@ -12,9 +12,9 @@ from ..base.arrays import Bytes, Map
 from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
+from ..base.store import NOT_KEPT, Entry, Store
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
-from .depth_store import DepthStore
 from .map_fusion import (
     BEYOND,
     KEPT_FRAMES,
@@ -32,7 +32,7 @@ from .map_fusion import (
 )
 from .multi_view_stereo import DenseDepth, PlaneSweepStereo
 from .reprojection import in_place
-from .shared_depth import found_once, kept_depth, not_kept
+from .stored_depth import depth_entry
 from .subject_depth import Subject, with_subjects
 from .view_selection import nearest_views, stride
 
@@ -47,7 +47,7 @@ class TemporalFusion:
         self,
         reconstruction: Reconstruction,
         single_frame: PlaneSweepStereo,
-        store: DepthStore | None = None,
+        store: Store = NOT_KEPT,
         options: FusionOptions = DEFAULTS,
         subjects: Callable[[], Sequence[Subject]] = tuple,
     ) -> None:
@@ -57,11 +57,14 @@ class TemporalFusion:
 
     def at(self, frame: int) -> DenseDepth:
         """Return the depth of a frame, kept or found. Errors as of `PlaneSweepStereo.at`."""
-        return found_once(self._store, "depth", [frame], self._stereo.pinhole, self._found)[frame]
+        return self._store.get(self._entry("depth", frame), partial(self._found, frame))
 
     def kept(self, frame: int) -> DenseDepth | None:
         """Return the depth of a frame as it is kept, None where it would have to be found; errors as `at`."""
-        return kept_depth(self._store, "depth", frame, self._stereo.pinhole)
+        return self._store.read(self._entry("depth", frame))
+
+    def _entry(self, kind: str, frame: int) -> Entry[DenseDepth]:
+        return depth_entry(kind, frame, self._stereo.pinhole(frame))
 
     def canvas(self, frame: int) -> Canvas:
         """Return the undistorted picture of a frame at the size that depth is found at."""
@@ -70,7 +73,7 @@ class TemporalFusion:
     @property
     def not_kept(self) -> UserError | None:
         """Why the last depth that was found is not kept; None where it is, or nothing is to be."""
-        return self._store.problem if self._store else None
+        return self._store.problem
 
     def _found(self, frame: int) -> DenseDepth:
         """The depth of a frame from the key frames around it.
@@ -148,12 +151,12 @@ class TemporalFusion:
         # Remembered frames take no time.
         there = {frame: depth for frame in frames if (depth := self._kept.known(frame)) is not None}
         new = [frame for frame in frames if frame not in there]
-        pinhole = self._stereo.pinhole
-        self._stereo.prefetch(not_kept(self._store, "single", new, pinhole))
+        entries = {frame: self._entry("single", frame) for frame in new}
+        self._stereo.prefetch([frame for frame in new if self._store.read(entries[frame]) is None])
 
         def find(frame: int) -> DenseDepth:
             with part(new.index(frame), len(new)):
                 return self._stereo.at(frame)
 
-        there |= found_once(self._store, "single", new, pinhole, find)
+        there |= self._store.made(entries, find)
         return [self._kept.get(frame, partial(there.__getitem__, frame)) for frame in frames]

@@ -10,15 +10,15 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA, Map, Mask
+from ..base.lru_cache import remembered
 from ..base.progress import stage
 from ..base.reused_memory import ReusedMemory
+from ..base.store import NOT_KEPT, Store, numbers
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..camera.steady_path import SteadyPath, steady_path
 from ..depth.completed_depth import CompletedDepth
-from ..depth.depth_store import DepthStore, kept_numbers
 from ..depth.flat_scene import EstimatedDepth
-from ..depth.map_fusion import FusionOptions
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving, PlaneSweepStereo
 from ..depth.source import FAINTEST, DepthSource, FirstKnown, PixelDepth
@@ -66,13 +66,13 @@ class ClipContext:
     """Known depth, such as a benchmark's ground truth."""
     masks: Moving | None = None
     """Returns opacity (h, w) in [0, 1] of moving pixels in a source frame, any size, by the user's masks."""
-    store: Callable[[Quality], DepthStore] | None = None
+    store: Callable[[Quality], Store] = lambda quality: NOT_KEPT
     """Storage by quality of results that do not depend on the lens."""
     marked: tuple[MarkedSubject, ...] = ()
     """Subjects that the user has marked by strokes."""
     known_subjects: ClipSubjects | None = None
     """Subjects from another context with the same clip and masks."""
-    clip_store: DepthStore | None = None
+    clip_store: Store = NOT_KEPT
     """Storage of highlights, noise and the clip's own lens, which depend on neither quality nor masks."""
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels on the processor or a GPU."""
@@ -88,17 +88,10 @@ class ClipContext:
 
     def stereo_of(self, quality: Quality) -> TemporalFusion:
         """Return the depth by stereo in a quality; see `stereo`."""
-        options = quality.stereo_side, quality.fusion
-        if options == (NORMAL.stereo_side, NORMAL.fusion):
-            return self.stereo
-        if options not in self._stereos:
-            self._stereos[options] = self._stereo(quality)
-        return self._stereos[options]
+        same = (quality.stereo_side, quality.fusion) == (NORMAL.stereo_side, NORMAL.fusion)
+        return self.stereo if same else self._stereo(quality)
 
-    @cached_property
-    def _stereos(self) -> dict[tuple[int, FusionOptions], TemporalFusion]:
-        return {}
-
+    @remembered()
     def _stereo(self, quality: Quality) -> TemporalFusion:
         if not quality.finds_subjects:
             alone = PlaneSweepStereo(
@@ -161,27 +154,10 @@ class ClipContext:
     def _subjects(self) -> ClipSubjects:
         return self.known_subjects or ClipSubjects(self.reconstruction, self.read)
 
-    def _store_of(self, quality: Quality) -> DepthStore | None:
+    @remembered()
+    def _store_of(self, quality: Quality) -> Store:
         """Return the only store of a quality, as each counts its own bytes."""
-        if self.store is None:
-            return None
-        if quality not in self._stores:
-            self._stores[quality] = self.store(quality)
-        return self._stores[quality]
-
-    @cached_property
-    def _stores(self) -> dict[Quality, DepthStore]:
-        return {}
-
-    @cached_property
-    def _clip_highlights(self) -> dict[float, ClipHighlights]:
-        """Highlights by threshold, of which there is rarely a second."""
-        return {}
-
-    @cached_property
-    def _disocclusion(self) -> dict[HighlightSettings, DisocclusionFill]:
-        """Fills by settings of highlights, without moving pixels; only the last, as pictures are large."""
-        return {}
+        return self.store(quality)
 
     def picture(self, frame: int, highlights: HighlightSettings) -> LinearRGBA:
         """Return a frame in linear light (H, W, 4), with restored highlights.
@@ -205,24 +181,14 @@ class ClipContext:
         """Return whether a frame's highlights are remembered or stored, so that `picture` is quick."""
         return not highlights.gain or self._highlights_of(highlights.threshold).knows(frame)
 
+    @remembered()
     def _highlights_of(self, threshold: float) -> ClipHighlights:
-        if threshold not in self._clip_highlights:
-            self._clip_highlights[threshold] = ClipHighlights(
-                self.reconstruction, self.read, threshold, self.clip_store
-            )
-        return self._clip_highlights[threshold]
+        return ClipHighlights(self.reconstruction, self.read, threshold, self.clip_store)
 
+    @remembered(1)
     def steady_path(self, strength: float, fills: bool = False) -> SteadyPath:
         """Return the camera's path smoothed by a strength in (0, 1]; see `camera.steady_path`."""
-        if (strength, fills) not in self._steady_paths:
-            self._steady_paths.clear()
-            self._steady_paths[strength, fills] = steady_path(self.reconstruction, strength, fills)
-        return self._steady_paths[strength, fills]
-
-    @cached_property
-    def _steady_paths(self) -> dict[tuple[float, bool], SteadyPath]:
-        """The last path by its settings; paths are quick to compute."""
-        return {}
+        return steady_path(self.reconstruction, strength, fills)
 
     def noise(self, frame: int, size: tuple[int, int]) -> Noise | None:
         """Return the clip's noise in pictures of a size (width, height), or None if it is not visible.
@@ -232,9 +198,7 @@ class ClipContext:
         if not self.reconstruction.is_ordered or self._noise is None or not self._noise.is_visible:
             return None
         camera = self.canvas(frame).camera
-        if size not in self._noises:
-            self._noises[size] = self._noise.at_scale(size[0] / camera.width)
-        found = self._noises[size]
+        found = self._noise.at_scale(size[0] / camera.width)
         return found if found.is_visible else None
 
     @cached_property
@@ -242,17 +206,12 @@ class ClipContext:
         """The clip's noise at its own size."""
         frames = [int(frame) for frame in self.reconstruction.frames]
 
-        def numbers() -> Floats:
+        def find() -> Floats:
             with stage("Noise", 0.0, 0.0):
                 found = measured(self.read, frames)
             return np.zeros(0) if found is None else found.numbers
 
-        return Noise.of(kept_numbers(self.clip_store, "clip-noise", (0, NUMBERS), numbers))
-
-    @cached_property
-    def _noises(self) -> dict[tuple[int, int], Noise]:
-        """Noise by size."""
-        return {}
+        return Noise.of(self.clip_store.once(numbers("clip-noise", 0, NUMBERS), find))
 
     @cached_property
     def own_lens(self) -> OwnLens | None:
@@ -357,12 +316,7 @@ class ClipContext:
 
         `highlights` are the settings with which the picture was read.
         """
-        if highlights not in self._disocclusion:
-            self._disocclusion.clear()
-            self._disocclusion[highlights] = DisocclusionFill(
-                self.reconstruction, lambda other: self.picture(other, highlights), self.moving
-            )
-        fill = self._disocclusion[highlights]
+        fill = self._disocclusion(highlights)
         found = fill.reprojected(frame, canvas, picture, depth.inverse_depth, depth.moving, depth.past_border)
         if not self.reconstruction.stays or depth.opacity is None:
             return found.colours
@@ -379,6 +333,13 @@ class ClipContext:
             return colour, known
 
         return beyond_edges
+
+    @remembered(1)
+    def _disocclusion(self, highlights: HighlightSettings) -> DisocclusionFill:
+        """Return the fill for settings of highlights; only the last, as pictures are large."""
+        return DisocclusionFill(
+            self.reconstruction, lambda other: self.picture(other, highlights), self.moving
+        )
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples:
         """Return positions of known depth for a coarse mesh, from maps or feature points."""

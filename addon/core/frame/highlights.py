@@ -17,8 +17,8 @@ import numpy as np
 from ..base.arrays import Floats, Indices, LinearRGBA
 from ..base.lru_cache import LRUCache
 from ..base.options import option
+from ..base.store import NOT_KEPT, Store
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
-from ..depth.depth_store import DepthStore
 from ..depth.view_selection import FEWEST_SOURCES, SOURCE_STEP, every_nth, relative_pose, stride
 from ..media.light import to_linear
 from ..media.picture_file import Pixels
@@ -78,7 +78,7 @@ class ClipHighlights:
         reconstruction: Reconstruction,
         read: Callable[[int], Pixels],
         threshold: float,
-        store: DepthStore | None = None,
+        store: Store = NOT_KEPT,
     ) -> None:
         """Prepare for a clip that `read` reads like `Footage.read`, at a threshold in [0, 1]."""
         self._rec, self._read, self._threshold, self._store = reconstruction, read, threshold, store
@@ -101,22 +101,18 @@ class ClipHighlights:
 
     def knows(self, frame: int) -> bool:
         """Return whether the clipped light of a frame is remembered or stored."""
-        return frame in self._lost or (
-            self._store is not None and self._store.is_kept(kept.named(kept.LOST, frame, self._threshold))
-        )
+        return frame in self._lost or self._store.is_kept(kept.lost_name(frame, self._threshold))
 
     def _lost_light(self, frame: int, picture: LinearRGBA) -> LostLight:
         """Return the clipped light of a frame's picture (H, W, 4), equal whether stored or computed."""
-        name, shape = kept.named(kept.LOST, frame, self._threshold), picture.shape[:2]
-        found = kept.read_lost(self._store, name, shape) if self._store else None
-        if found is None:
+
+        def find() -> LostLight:
             blobs = clipped_blobs(picture, self._threshold)
             told = self._told(frame, blobs)
             kinds = self._kinds(frame) if len(blobs) else kinds_of([])
-            found = kept.rounded(lost_light(blobs, self._threshold, told, kinds))
-            if self._store:
-                kept.keep_lost(self._store, name, found, shape)
-        return found
+            return lost_light(blobs, self._threshold, told, kinds)
+
+        return self._store.get(kept.lost_entry(frame, self._threshold, picture.shape[:2]), find)
 
     def _kinds(self, frame: int) -> Floats:
         """Return (a, r) `kinds_of` frames all over the clip, the same for each frame."""
@@ -147,12 +143,9 @@ class ClipHighlights:
         def find(frame: int) -> Lamps:
             return lamps(clipped_blobs(to_linear(self._read(frame)), self._threshold))
 
-        def name(frame: int) -> str:
-            return kept.named(kept.LAMPS, frame, self._threshold)
-
         known = {frame: one for frame in frames if (one := self._found.known(frame)) is not None}
         left = [frame for frame in frames if frame not in known]
-        made = kept.lamps_of(self._store, left, name, find)
+        made = self._store.made({frame: kept.lamps_entry(frame, self._threshold) for frame in left}, find)
         for frame in left:
             self._found.get(frame, partial(made.__getitem__, frame))
         return known | made

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..base.arrays import Map, Mask
 from ..base.errors import UserError
-from ..base.lru_cache import LRUCache
+from ..base.lru_cache import remembered
+from ..base.store import NOT_KEPT, Store
 from ..camera.reconstruction import Reconstruction
-from ..depth.depth_store import DepthStore
 from ..depth.flat_scene import FlatScene, Outline, flat_scene, outline
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving
@@ -82,27 +82,35 @@ class MovingParts:
                 return each
         return None
 
+    @remembered()
     def mask(self, frame: int) -> Mask | None:
         """Return the moving pixels (h, w) of a source frame, at any size, for all qualities.
 
         They are those of subjects, detected or marked, and of masks; None without either.
         """
-        return self._masks.get(frame, lambda: self._moving(frame))
+        subjects = [each.mask(frame) for each in self.every_subject]
+        masked = self.masks(frame) if self.masks else None
+        if not subjects:
+            return None if masked is None else np.asarray(masked > FAINTEST)
+        if masked is None:
+            return united(subjects)
+        whole = cv2.resize(
+            united(subjects).astype(np.uint8), masked.shape[1::-1], interpolation=cv2.INTER_LINEAR
+        )
+        return np.asarray((masked > FAINTEST) | (whole > 0))
 
     def placed(self) -> list[Subject]:
         """Return every subject, and each object of the masks, with its distance."""
         found = [Subject(each.mask, self.distance(each).inverse_depth) for each in self.every_subject]
         return [*found, *self._masked]
 
+    @remembered()
     def distance(self, subject: ClipSubject) -> SubjectDistance:
         """Return the distance of a subject through the clip."""
-        if subject.key not in self._distances:
-            sizes = self.subjects.store, f"moving-{subject.key}-sizes"
-            self._distances[subject.key] = self._distance_of(subject.mask, *sizes)
-        return self._distances[subject.key]
+        return self._distance_of(subject.mask, self.subjects.store, f"moving-{subject.key}-sizes")
 
     def _distance_of(
-        self, mask: Callable[[int], Mask], store: DepthStore | None = None, name: str = ""
+        self, mask: Callable[[int], Mask], store: Store = NOT_KEPT, name: str = ""
     ) -> SubjectDistance:
         ground = self if self.reconstruction.stays else Standing(self.static, self._known)
         return SubjectDistance(
@@ -163,24 +171,3 @@ class MovingParts:
         """Return the (h, w) moving pixels of a frame, never None."""
         mask = self.mask(frame)
         return np.zeros((1, 1), bool) if mask is None else mask
-
-    def _moving(self, frame: int) -> Mask | None:
-        """Combine the (h, w) subjects and masks of a frame."""
-        subjects = [each.mask(frame) for each in self.every_subject]
-        masked = self.masks(frame) if self.masks else None
-        if not subjects:
-            return None if masked is None else np.asarray(masked > FAINTEST)
-        if masked is None:
-            return united(subjects)
-        whole = cv2.resize(
-            united(subjects).astype(np.uint8), masked.shape[1::-1], interpolation=cv2.INTER_LINEAR
-        )
-        return np.asarray((masked > FAINTEST) | (whole > 0))
-
-    @cached_property
-    def _masks(self) -> LRUCache[Mask | None]:
-        return LRUCache()
-
-    @cached_property
-    def _distances(self) -> dict[str, SubjectDistance]:
-        return {}

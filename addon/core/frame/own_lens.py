@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Map
+from ..base.store import NOT_KEPT, Store, numbers
 from ..camera.reconstruction import Reconstruction
-from ..depth.depth_store import DepthStore, kept_numbers
 from ..depth.source import PixelDepth
 from ..depth.sparse import frame_features
 from ..media.light import to_linear
@@ -56,10 +56,6 @@ SIGMAS = 4.0
 """Diameter of a disc in standard deviations along an axis."""
 
 
-NUMBERS = 5
-"""Length of `OwnLens.numbers`."""
-
-
 @dataclass(frozen=True)
 class OwnLens:
     """The thin lens with which a clip was filmed."""
@@ -70,19 +66,6 @@ class OwnLens:
     """Inverse depth of its focal plane in the first and the last frame."""
     frames: tuple[int, int]
     """Numbers of these frames."""
-
-    @classmethod
-    def of(cls, numbers: Floats) -> OwnLens | None:
-        """Return the lens with these `numbers`; None for an empty row."""
-        if not len(numbers):
-            return None
-        radius, *focus, first, last = numbers.tolist()
-        return cls(radius, (focus[0], focus[1]), (int(first), int(last)))
-
-    @property
-    def numbers(self) -> Floats:
-        """(NUMBERS,) all fields in one row, as they are stored."""
-        return np.array([self.radius, *self.focus, *self.frames], np.float64)
 
     def focus_at(self, frame: int) -> float:
         """Return the inverse depth of its focal plane in a frame."""
@@ -137,7 +120,7 @@ class OwnLens:
 
 
 def own_lens(
-    reconstruction: Reconstruction, read: Callable[[int], Pixels], store: DepthStore | None = None
+    reconstruction: Reconstruction, read: Callable[[int], Pixels], store: Store = NOT_KEPT
 ) -> OwnLens | None:
     """Estimate the lens with which a clip was filmed, or read it from its storage.
 
@@ -147,28 +130,28 @@ def own_lens(
     if not reconstruction.is_ordered:
         return None
 
-    def numbers() -> Floats:
-        found = _estimated(reconstruction, read)
-        return np.zeros(0) if found is None else found.numbers
+    found = store.once(numbers("clip-lens", 0, 5), lambda: _estimated(reconstruction, read))
+    if not len(found):
+        return None
+    radius, *focus, first, last = found.tolist()
+    return OwnLens(radius, (focus[0], focus[1]), (int(first), int(last)))
 
-    return OwnLens.of(kept_numbers(store, "clip-lens", (0, NUMBERS), numbers))
 
-
-def _estimated(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> OwnLens | None:
-    """Estimate the lens of a clip's frames."""
-    numbers = reconstruction.frames[np.linspace(0, len(reconstruction.frames) - 1, FRAMES).astype(int)]
-    found = [_edges(reconstruction, read, int(frame)) for frame in np.unique(numbers)]
-    first, last = int(numbers[0]), int(numbers[-1])
+def _estimated(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> Floats:
+    """Estimate the fields of a clip's lens, in a row; empty if there is none."""
+    frames = reconstruction.frames[np.linspace(0, len(reconstruction.frames) - 1, FRAMES).astype(int)]
+    found = [_edges(reconstruction, read, int(frame)) for frame in np.unique(frames)]
+    first, last = int(frames[0]), int(frames[-1])
     levels = _levels(found, first, last)
     if len(levels) < 2 * PARTS:
-        return None
+        return np.zeros(0)
     focus, square = _parabola(levels)
     if not square > 0:
-        return None
+        return np.zeros(0)
     # Variances in pixels belong to this focal length.
     image, _ = reconstruction.image_at(first)
     radius = SIGMAS * float(np.sqrt(square)) / (2 * reconstruction.intrinsics(image).fx)
-    return OwnLens(radius, focus, (first, last))
+    return np.array([radius, *focus, first, last], np.float64)
 
 
 def _edges(reconstruction: Reconstruction, read: Callable[[int], Pixels], frame: int) -> Floats:

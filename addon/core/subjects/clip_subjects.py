@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,8 +12,8 @@ import numpy as np
 
 from ..base.arrays import Bytes, Mask
 from ..base.lru_cache import LRUCache
+from ..base.store import NOT_KEPT, Arrays, Entry, Store
 from ..camera.reconstruction import Reconstruction
-from ..depth.depth_store import LONGEST_SIDE, DepthStore, decoded, encoded
 from ..media.picture_file import Pixels
 from .carried import SAME_PERSON, CarriedSubject, PeopleOfClip, Track, neighbours
 from .cut import Cut
@@ -42,37 +43,26 @@ class ClipSubject:
     """Digest of its source; part of the names of kept files."""
     cut: Callable[[int], Cut]
     """The subject in a frame, carried there."""
-    store: DepthStore | None = None
+    store: Store = NOT_KEPT
     """Storage of its mattes."""
     kind: str = ""
     """"person" or "object"; empty of marked subjects, which users name."""
 
     def share(self, frame: int) -> Bytes:
         """Return its probability (h, w) in 255ths over a source frame."""
-        if self.store is None:
-            return self._found(frame)
-        return self.store.made([frame], self._file, self._kept, self._made)[frame]
+
+        def decode(parts: Arrays) -> Bytes | None:
+            return parts["share"] if parts["share"].ndim == 2 else None
+
+        def encode(share: Bytes) -> Arrays:
+            return {"share": share}
+
+        entry = Entry(f"moving-{self.key}-{frame:06d}", ("share",), encode, decode)
+        return self.store.get(entry, lambda: np.rint(255 * self.cut(frame).share).astype(np.uint8))
 
     def mask(self, frame: int) -> Mask:
         """Return the subject (h, w) over a source frame."""
         return np.asarray(self.share(frame) > 127)
-
-    def _found(self, frame: int) -> Bytes:
-        return np.rint(255 * self.cut(frame).share).astype(np.uint8)
-
-    def _file(self, frame: int) -> str:
-        return f"moving-{self.key}-{frame:06d}"
-
-    def _kept(self, frame: int) -> Bytes | None:
-        kept = self.store.read(self._file(frame), ("share",)) if self.store else None
-        share = None if kept is None else decoded(kept["share"], LONGEST_SIDE)
-        return None if share is None else np.asarray(share, np.uint8)
-
-    def _made(self, frame: int) -> Bytes:
-        share = self._found(frame)
-        if self.store:
-            self.store.write(self._file(frame), {"share": encoded(share)})
-        return share
 
 
 @dataclass(frozen=True)
@@ -82,7 +72,7 @@ class ClipSubjects:
     reconstruction: Reconstruction
     read: Callable[[int], Pixels]
     """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
-    store: DepthStore | None = None
+    store: Store = NOT_KEPT
     """Storage of subjects."""
     networks: Networks = field(default_factory=Networks)
     _carried: LRUCache[CarriedSubject] = field(
@@ -120,7 +110,7 @@ class ClipSubjects:
     @property
     def knows_people(self) -> bool:
         """Return whether `people` is known without a search."""
-        return "people" in self.__dict__ or (self.store is not None and self.store.is_kept(PEOPLE))
+        return "people" in self.__dict__ or self.store.is_kept(PEOPLE)
 
     @cached_property
     def people(self) -> list[ClipSubject]:
@@ -130,39 +120,32 @@ class ClipSubjects:
         """
         if not self.reconstruction.is_ordered or not self.networks.exist:
             return []
-        return self._once(PEOPLE, self._kept_people, self._found_people)
 
-    def _found_people(self) -> list[ClipSubject]:
-        """The people of the clip, kept in all frames."""
-        tracks = PeopleOfClip(self.pictures, self.networks).tracks
-        found = self._followed("person", [track.cut for track in tracks])
-        self._keep_people(tracks)
-        return found
+        def find() -> list[Track]:
+            tracks = PeopleOfClip(self.pictures, self.networks).tracks
+            self._keep_shares("person", tracks)
+            return tracks
 
-    def _followed(
-        self, kind: str, cuts: Sequence[Callable[[int], Cut]], keep: bool = True
-    ) -> list[ClipSubject]:
-        """Subjects of a kind; their shares of all frames are kept, as each process would carry them anew."""
-        found = [
-            ClipSubject(f"{kind} {number}", f"{kind}{number}", cut, self.store, kind)
-            for number, cut in enumerate(cuts, 1)
+        entry = Entry(PEOPLE, ("frames", "trusts", "shares"), _encoded_people, self._tracks)
+        people = self.store.once(entry, find)
+        return self._called("person", people)
+
+    def _called(self, kind: str, carried: Sequence[Track | CarriedSubject]) -> list[ClipSubject]:
+        return [
+            ClipSubject(f"{kind} {number}", f"{kind}{number}", each.cut, self.store, kind)
+            for number, each in enumerate(carried, 1)
         ]
-        if keep and self.store is not None:
-            for subject in found:
+
+    def _keep_shares(self, kind: str, carried: Sequence[Track | CarriedSubject]) -> None:
+        """Keep the probability of subjects in all frames, as each process would carry them anew."""
+        if self.store is not NOT_KEPT:
+            for subject in self._called(kind, carried):
                 for frame in self.pictures.frames:
                     subject.share(frame)
-        return found
 
-    def _once[R](self, name: str, read: Callable[[], R | None], make: Callable[[], R]) -> R:
-        return make() if self.store is None else self.store.once(name, read, make)
-
-    def _kept_people(self) -> list[ClipSubject] | None:
-        """The people of the clip as they are kept; None where they are not."""
-        kept = self.store and self.store.read(PEOPLE, ("frames", "trusts", "shares"))
-        shares = decoded(kept["shares"], LONGEST_SIDE) if kept else None
-        if not kept or shares is None:
-            return None
-        tracks = []
+    def _tracks(self, kept: Arrays) -> list[Track] | None:
+        """The people of the clip as they are kept, not yet carried; None where they are damaged."""
+        tracks, shares = [], kept["shares"]
         for number, frame in enumerate(map(int, kept["frames"])):
             picture = self.pictures.picture(frame)
             rows = len(picture)
@@ -172,16 +155,7 @@ class ClipSubjects:
             share = np.asarray(share, np.float32) / np.float32(255)
             first = Cut.known(picture, np.asarray(share, np.float32), float(kept["trusts"][number]))
             tracks.append(Track(self.pictures, self.networks, frame, first))
-        return self._followed("person", [track.cut for track in tracks], keep=False)
-
-    def _keep_people(self, tracks: list[Track]) -> None:
-        if self.store is not None:
-            # There is no PNG without pixels.
-            shares = [np.rint(255 * track.first.share).astype(np.uint8) for track in tracks]
-            planes = np.vstack(shares or [np.zeros((1, 1), np.uint8)])
-            frames = np.array([track.start for track in tracks], int)
-            trusts = np.array([track.first.trust for track in tracks], float)
-            self.store.write(PEOPLE, {"frames": frames, "trusts": trusts, "shares": encoded(planes)})
+        return tracks
 
     @cached_property
     def objects(self) -> list[ClipSubject]:
@@ -189,15 +163,25 @@ class ClipSubjects:
 
         There are none in photos and in clips without certain motion.
         """
-        return self._once(OBJECTS, self._kept_objects, self._found_objects)
 
-    def _found_objects(self) -> list[ClipSubject]:
-        """The other moving objects of the clip, kept in all frames."""
-        tracks = list(moving_tracks(self.reconstruction, self.read))
-        carried = ObjectsOfClip(tracks, self._object, self._people_in).subjects()
-        found = self._followed("object", [each.cut for each in carried])
-        self._keep_objects([each.strokes for each in carried])
-        return found
+        def find() -> list[CarriedSubject]:
+            tracks = list(moving_tracks(self.reconstruction, self.read))
+            found = ObjectsOfClip(tracks, self._object, self._people_in).subjects()
+            self._keep_shares("object", found)
+            return found
+
+        entry = Entry(OBJECTS, ("frames", "counts", "places"), _encoded_objects, self._objects)
+        objects = self.store.once(entry, find)
+        return self._called("object", objects)
+
+    def _objects(self, kept: Arrays) -> list[CarriedSubject] | None:
+        """The moving objects as they are kept, not yet carried; None where they are damaged."""
+        if kept["places"].shape != (len(kept["frames"]), 2):
+            return None
+        rows = zip(kept["frames"].tolist(), kept["places"].tolist(), strict=True)
+        strokes = [Stroke(int(frame), ((float(x), float(y)),)) for frame, (x, y) in rows]
+        ends = np.cumsum(kept["counts"].astype(int)).tolist()
+        return [self._object(tuple(strokes[start:end])) for start, end in itertools.pairwise([0, *ends])]
 
     def _object(self, strokes: tuple[Stroke, ...]) -> CarriedSubject:
         return CarriedSubject(self.pictures, self.networks, strokes, corrects=False)
@@ -207,27 +191,6 @@ class ClipSubjects:
         nobody = np.zeros(self.pictures.picture(frame).shape[:2], bool)
         return united([nobody, *(each.mask(frame) for each in self.people)])
 
-    def _kept_objects(self) -> list[ClipSubject] | None:
-        """The moving objects as they are kept, by their strokes; None where they are not."""
-        kept = self.store and self.store.read(OBJECTS, ("frames", "counts", "places"))
-        if not kept or kept["places"].shape != (len(kept["frames"]), 2):
-            return None
-        rows = zip(kept["frames"].tolist(), kept["places"].tolist(), strict=True)
-        strokes = [Stroke(int(frame), ((float(x), float(y)),)) for frame, (x, y) in rows]
-        ends = np.cumsum(kept["counts"].astype(int)).tolist()
-        marks = [tuple(strokes[start:end]) for start, end in zip([0, *ends], ends, strict=False)]
-        return self._followed("object", [self._object(each).cut for each in marks], keep=False)
-
-    def _keep_objects(self, strokes: list[tuple[Stroke, ...]]) -> None:
-        if self.store is not None:
-            dots = [dot for each in strokes for dot in each]
-            kept = {
-                "frames": np.array([dot.frame for dot in dots], int),
-                "counts": np.array([len(each) for each in strokes], int),
-                "places": np.array([dot.places[0] for dot in dots], float).reshape(-1, 2),
-            }
-            self.store.write(OBJECTS, kept)
-
     def others(self, marked: Sequence[ClipSubject], found: Sequence[ClipSubject]) -> list[ClipSubject]:
         """Return the found subjects that no marked one covers in the frames that people are looked for in."""
         return [each for each in found if not any(self._is_same(each, other) for other in marked)]
@@ -236,6 +199,25 @@ class ClipSubjects:
         frames = sampled(self.pictures.frames)
         shown = [(mask, marked.mask(frame)) for frame in frames if (mask := found.mask(frame)).any()]
         return bool(shown) and float(np.median([overlap_of(*pair) for pair in shown])) >= SAME_PERSON
+
+
+def _encoded_people(tracks: list[Track]) -> Arrays:
+    # There is no PNG without pixels.
+    shares = [np.rint(255 * track.first.share).astype(np.uint8) for track in tracks]
+    return {
+        "frames": np.array([track.start for track in tracks], int),
+        "trusts": np.array([track.first.trust for track in tracks], float),
+        "shares": np.vstack(shares or [np.zeros((1, 1), np.uint8)]),
+    }
+
+
+def _encoded_objects(objects: list[CarriedSubject]) -> Arrays:
+    dots = [dot for each in objects for dot in each.strokes]
+    return {
+        "frames": np.array([dot.frame for dot in dots], int),
+        "counts": np.array([len(each.strokes) for each in objects], int),
+        "places": np.array([dot.places[0] for dot in dots], float).reshape(-1, 2),
+    }
 
 
 def united(masks: Sequence[Mask]) -> Mask:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.arrays import Floats, Mask
 from ..base.progress import checkpoint
-from ..depth.depth_store import DepthStore, kept_numbers
+from ..base.store import NOT_KEPT, Store, numbers
 from .cut import LEAST
 from .flow import change_of_size
 from .pictures import ClipPictures
@@ -36,7 +36,7 @@ class SubjectDistance:
     """The subject (h, w) in a frame, at the size of the pictures."""
     standing: Callable[[Sequence[int]], Mapping[int, float]]
     """Its inverse depth in 1 / scene units by its contact with the ground, for those frames that show it."""
-    store: DepthStore | None = None
+    store: Store = NOT_KEPT
     """Storage of its sizes."""
     name: str = ""
     """Name of its sizes in the storage."""
@@ -49,7 +49,7 @@ class SubjectDistance:
     @cached_property
     def _sizes(self) -> Floats:
         """(n,) size in each frame, relative to the first."""
-        return kept_numbers(self.store, self.name, (len(self.pictures.frames),), self._measured_sizes)
+        return self.store.once(numbers(self.name, len(self.pictures.frames)), self._measured_sizes)
 
     def _measured_sizes(self) -> Floats:
         frames, flow = self.pictures.frames, self.pictures.flow

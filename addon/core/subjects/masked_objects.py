@@ -12,7 +12,7 @@ import numpy as np
 
 from ..base.arrays import Bytes, Ints, Map, Mask
 from ..base.errors import UserError
-from ..depth.depth_store import LONGEST_SIDE, decoded, encoded
+from ..base.store import LONGEST_SIDE, decoded, encoded
 from ..depth.source import FAINTEST
 from ..depth.subject_depth import connected
 

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Map, Mask
-from ..base.lru_cache import LRUCache
+from ..base.lru_cache import remembered
 from ..base.progress import checkpoint
+from ..base.store import NOT_KEPT, Store
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
-from ..depth.depth_store import DepthStore
 from ..depth.map_fusion import fused
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepStereo
 from ..depth.reprojection import in_place
-from ..depth.shared_depth import found_once, not_kept
+from ..depth.stored_depth import depth_entry
 from ..depth.view_selection import stride
 from ..media.picture_file import Pixels
 
@@ -41,13 +41,10 @@ class StaticDepth:
     """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
     masks: Moving | None = None
     """Known moving pixels, (h, w) of a source frame at any size."""
-    store: DepthStore | None = None
+    store: Store = NOT_KEPT
     """Storage of the source frames' depth."""
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels."""
-    _depths: LRUCache[DenseDepth] = field(
-        default_factory=lambda: LRUCache[DenseDepth](8 * SIDES), repr=False, compare=False
-    )
 
     @cached_property
     def _sweep(self) -> PlaneSweepStereo:
@@ -91,13 +88,13 @@ class StaticDepth:
             cv2.resize(_inpainted(inverse, unseen), (pinhole.width, pinhole.height)), np.float32
         )
 
+    @remembered(8 * SIDES)
     def _depth(self, frame: int) -> DenseDepth:
-        return self._depths.get(frame, lambda: self._found(frame))
+        def find() -> DenseDepth:
+            self._sweep.prefetch([frame])
+            return self._sweep.at(frame)
 
-    def _found(self, frame: int) -> DenseDepth:
-        pinhole = self._sweep.pinhole
-        self._sweep.prefetch(not_kept(self.store, "coarse", [frame], pinhole))
-        return found_once(self.store, "coarse", [frame], pinhole, self._sweep.at)[frame]
+        return self.store.get(depth_entry("coarse", frame, self._sweep.pinhole(frame)), find)
 
     def _around(self, frame: int) -> list[Image]:
         """The source frames of a frame."""

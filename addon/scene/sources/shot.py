@@ -14,9 +14,9 @@ import numpy as np
 from ...core.base.arrays import Floats, Map
 from ...core.base.code import code_digest
 from ...core.base.errors import UserError
-from ...core.base.lru_cache import LRUCache
+from ...core.base.lru_cache import remembered
+from ...core.base.store import NOT_KEPT, Store
 from ...core.camera.reconstruction import Reconstruction
-from ...core.depth.depth_store import DepthStore
 from ...core.depth.user_depth import UserDepth
 from ...core.depth.user_maps import open_depth
 from ...core.frame.clip_context import ClipContext
@@ -60,16 +60,10 @@ class Filmed:
     """Colour space of the pictures if it is not sRGB."""
     repaired: dict[int, int] = field(default_factory=dict, compare=False)
     """Number of pixels that were not finite, by frame read so far."""
-    _pictures: LRUCache[Pixels] = field(
-        default_factory=lambda: LRUCache[Pixels](REMEMBERED, lambda picture: picture.nbytes),
-        repr=False, compare=False,
-    )  # fmt: skip
 
+    @remembered(REMEMBERED, lambda picture: picture.nbytes)
     def read(self, frame: int) -> Pixels:
         """Return a frame's picture, remembered: depth, subjects and hidden colours need the same ones."""
-        return self._pictures.get(frame, lambda: self._finite(frame))
-
-    def _finite(self, frame: int) -> Pixels:
         picture, count = finite(self.footage.read(frame))
         if count:
             self.repaired[frame] = count
@@ -113,7 +107,7 @@ class Shot:
     def context(self) -> ClipContext:
         """The clip as the core's stages see it."""
         return ClipContext(
-            self.reconstruction, self.read, None, self._masks, self._store if self.work else None,
+            self.reconstruction, self.read, None, self._masks, self._store,
             self.subjects, self._found, self._kept(self._highlight_key), gpu_matcher.winning_levels,
             self.depth, self.from_rec_709,
         )  # fmt: skip
@@ -147,14 +141,12 @@ class Shot:
         frames = np.array(self.footage.frames)
         return int(frames[max(0, int(np.searchsorted(frames, frame, side="right")) - 1)])
 
-    def _store(self, quality: Quality) -> DepthStore:
-        store = self._kept(partial(self._depth_key, quality))
-        assert store is not None
-        return store
+    def _store(self, quality: Quality) -> Store:
+        return self._kept(partial(self._depth_key, quality))
 
-    def _kept(self, key: Callable[[], str]) -> DepthStore | None:
-        """The storage under a key; None without a working folder."""
-        return DepthStore(self.work / KEPT_DEPTH, key) if self.work else None
+    def _kept(self, key: Callable[[], str]) -> Store:
+        """The storage under a key; nothing is kept without a working folder."""
+        return Store(self.work / KEPT_DEPTH, key) if self.work else NOT_KEPT
 
     def _depth_key(self, quality: Quality) -> str:
         """16 hexadecimal digits of all inputs of the clip's depth in a quality, as its files are now."""

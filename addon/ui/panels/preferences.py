@@ -9,7 +9,7 @@ import bpy
 
 from ...core.base import limits
 from ...core.base.errors import UserError
-from ...core.depth.depth_store import delete_kept, kept_size
+from ...core.base.store import delete_kept, kept_size
 from ...scene.base import preferences
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.shot import KEPT_DEPTH
