@@ -114,13 +114,15 @@ def _filter(
 ) -> None:
     """Blur a part of the texture in place, tile by tile; `buried` texels replace its own as neighbours."""
     rows, columns = (range(0, finer * n, TILE) for n in radius.shape)
-    places = [(row, column) for row in rows for column in columns]
     work = partial(_tile, part, spare, finer, radius, kept, buried)
-    blurred = side_by_side(work, places)
-    for (row, column), is_blurred in zip(places, blurred, strict=True):
-        if is_blurred:
-            tile = slice(row, row + TILE), slice(column, column + TILE)
-            part[tile] = spare[tile]
+
+    def in_row(row: int) -> list[slice]:
+        return [slice(column, column + TILE) for column in columns if work((row, column))]
+
+    # By rows: to pass a single tile to a thread takes as long as a small one.
+    for row, blurred in zip(rows, side_by_side(in_row, rows), strict=True):
+        for tile in blurred:
+            part[row : row + TILE, tile] = spare[row : row + TILE, tile]
 
 
 def _tile(
