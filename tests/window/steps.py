@@ -73,7 +73,8 @@ def first_window(program: Program) -> None:
 
 def make_wide(program: Program, width: int) -> None:
     """Drag the sidebar's border until it is so wide, to a few pixels: a drag of fewer is a click."""
-    for _ in range(3):
+    for _ in range(5):
+        program.settle()
         left, top, now, _ = program.rectangle("VIEW_3D", "UI")
         if abs(now - width) > 4:
             # Beside the first header: below the panels clicks are the view's. Slowly off the border: Blender
