@@ -15,11 +15,13 @@ import shutil
 import sys
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import av
+
+from addon.core.media.clip import open_footage
 
 from .. import store
 from .whole_runs import HEADLESS, Run, a_frame, timed_process
@@ -94,10 +96,8 @@ def opened(name: str, folder: Path, program: Path) -> RealClip | None:
     folder.mkdir()
     if width:
         file = scaled(file, folder / f"{file.stem}.mp4", int(width))
-    with av.open(str(file)) as container:
-        (stream,) = container.streams.video
-        frames = sum(1 for packet in container.demux(stream) if packet.size)
-        return RealClip(file, folder, frames, (stream.width, stream.height), program)
+    clip = open_footage(file)
+    return RealClip(file, folder, len(clip.frames), (clip.width, clip.height), program)
 
 
 def scaled(file: Path, out: Path, width: int) -> Path:
@@ -189,13 +189,13 @@ def _module(file: str) -> str:
     return name.removesuffix(".py") if found else ""
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--clips", nargs="+", default=CLIPS, metavar="FILE[@WIDTH]", help="in the real data")
     parser.add_argument("--profiles", type=Path, help="folder for a profile of each stage, made anew")
     parser.add_argument("--program", type=Path, default=HEADLESS, help="addon/headless.py of a checkout")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     print(f"blur {BLUR:g}, {os.cpu_count()} processors, {store.provenance()}")
     print(HEADS, "|" + "---|" * (HEADS.count("|") - 1), sep="\n", flush=True)
     with tempfile.TemporaryDirectory(prefix="virtual-aperture-bench-") as folder:
