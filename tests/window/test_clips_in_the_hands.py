@@ -66,7 +66,7 @@ CLIPS = (
         Mistake(40, (0.478, 0.66), ((0.478, 0.84), (0.477, 0.9)), 0.014),
     ),
     Clip("people_two_portrait_1.mp4", (0.85, 0.4)),
-    Clip("animal_kitten_1.mp4", (0.5, 0.68), Mistake(60, (0.47, 0.2), ((0.45, 0.45), (0.47, 0.6)), 0.03)),
+    Clip("animal_kitten_1.mp4", (0.5, 0.68), Mistake(60, (0.42, 0.5), ((0.3, 0.7), (0.345, 0.93)), 0.03)),
     Clip("plant_on_desk.mp4", (0.48, 0.62)),
     Clip("night_hall_lights_1.mov", (0.5, 0.35)),
 )  # fmt: skip
