@@ -13,8 +13,7 @@ from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.base.messages import Progress, send, speak
 from ..render import engine
-from ..render.cg import cg_process
-from ..render.cg.cycles_layers import serve
+from ..render.cg import cg_process, cycles_layers
 from ..render.processes.frames_ahead import DrawnFrame, draw_ahead
 from ..render.processes.shots import ReceivedShots
 from ..render.views.gpu_views import check_gpu, start_gpu
@@ -24,9 +23,9 @@ from .words import WORDS
 
 def draw_cg(job: argparse.Namespace) -> None:
     """Draw the CG objects of a scene, as `render.cg_process` asks for them, until the process is ended."""
-    blend = Path(job.blend)
-    open_scene(blend, job.scripts)
-    serve(bpy.data.scenes[job.scene], blend.parent, job.is_preview)
+    open_scene(Path(job.blend), job.scripts)
+    cycles_layers.begin(bpy.data.scenes[job.scene], Path(job.folder), job.is_preview)
+    calls.serve(Path(job.folder))
 
 
 def draw_frames(job: argparse.Namespace) -> None:

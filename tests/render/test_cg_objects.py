@@ -14,7 +14,6 @@ from addon.core.base.job import Job
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.warp.cg_layer import CGLayer
 from addon.render.cg import cg_preview, cg_process
 from addon.render.cg.cycles_layers import CyclesScene, Wanted
 from addon.scene.base.exr import read
@@ -99,8 +98,9 @@ def test_its_shadow_falls_on_the_clip_where_the_sun_puts_it(solved: bpy.types.Sc
     solved.world, solved.cycles.max_bounces = None, 0
     wall = np.full((LENS.height, LENS.width), 1 / DISTANCE, np.float32)
     drawn = cycles_scene.draw(Wanted(solved.view_layers[0].name, 2, LENS, 6, wall))
-    assert drawn.pictures.shape == (1, 90 + 12, 160 + 12, 4)
-    assert drawn.inverse_depths[0, 51, 86] == pytest.approx(1 / 4.0, rel=1e-4)
+    (layer,) = drawn.layers
+    assert layer.inverse_depth == pytest.approx(1 / 4.0, rel=1e-4)
+    assert layer.corner == pytest.approx((70, 35), abs=1) and drawn.shadow is not None
     # As wide as the square, at twice its distance: 10 pixels.
     assert np.allclose(drawn.shadow[41:49, 76:84], 0, atol=0.02)
     outside = np.ones((LENS.height, LENS.width), bool)
@@ -109,7 +109,7 @@ def test_its_shadow_falls_on_the_clip_where_the_sun_puts_it(solved: bpy.types.Sc
     # Drawn again it is there still, and without light there is no shadow.
     sun.hide_render = True
     drawn = cycles_scene.draw(Wanted(solved.view_layers[0].name, 2, LENS, 6, wall))
-    assert len(drawn.pictures) == 1 and not drawn.shadow.size
+    assert len(drawn.layers) == 1 and drawn.shadow is None
 
 
 def test_what_lies_apart_in_depth_is_drawn_whole(solved: bpy.types.Scene, tmp_path: Path) -> None:
@@ -118,10 +118,10 @@ def test_what_lies_apart_in_depth_is_drawn_whole(solved: bpy.types.Scene, tmp_pa
         place_lamp(solved, distance, side)
     nothing = np.zeros((0, 0), np.float32)
     drawn = cycles_scene.draw(Wanted(solved.view_layers[0].name, 2, LENS, 0, nothing))
-    areas = drawn.pictures[..., 3].sum(axis=(1, 2))
     # Near ones first; what is a thousandth apart may touch, and what is hidden there stays hidden.
-    assert areas.tolist() == pytest.approx([100, 900], rel=0.03)
-    assert drawn.typical.tolist() == pytest.approx([1 / 4, 1 / 6], rel=1e-3)
+    assert [layer.picture[..., 3].sum() for layer in drawn.layers] == pytest.approx([100, 900], rel=0.03)
+    depths = [np.median(layer.inverse_depth) for layer in drawn.layers]
+    assert depths == pytest.approx([1 / 4, 1 / 6], rel=1e-3)
 
 
 def test_what_cycles_cannot_do_is_said(solved: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,12 +199,12 @@ def test_what_moves_is_blurred_by_the_shutter_at_its_own_depth(
     solved.render.use_motion_blur, solved.render.motion_blur_shutter = True, 0.5
     nothing = np.zeros((0, 0), np.float32)
     drawn = cycles_scene.draw(Wanted(solved.view_layers[0].name, 2, LENS, 0, nothing))
-    alpha = drawn.pictures[0, 45, :, 3]
+    (layer,) = drawn.layers
+    alpha = layer.on_raster((0, 0), (LENS.height, LENS.width)).picture[45, :, 3]
     # A square of 20 pixels that goes 20 pixels: it covers the middle for all of the time but a moment.
     row = np.arange(LENS.width) + 0.5 - 80
     assert np.allclose(alpha, np.clip(1 - np.abs(row) / 20, 0, 1), atol=0.08)
-    layer = CGLayer.of(drawn.pictures[0], drawn.inverse_depths[0], 0, float(drawn.typical[0]))
-    assert layer is not None and np.allclose(layer.inverse_depth, 1 / 4, rtol=1e-3)
+    assert np.allclose(layer.inverse_depth, 1 / 4, rtol=1e-3)
 
 
 def test_the_preview_draws_what_a_render_draws(solved: bpy.types.Scene) -> None:

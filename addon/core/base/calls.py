@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from . import memory
+from .atomic import hand_over
 from .errors import UserError
 from .job import Job, tend
 from .messages import Progress, Warned, send
@@ -94,7 +95,7 @@ class Caller:
         self._count += 1
         call = Call[T](self._folder, self._count)
         self._calls.append(call)
-        _write(call.file, pack(function, self._name))
+        hand_over(call.file, pack(function, self._name))
         return call
 
     @property
@@ -165,7 +166,7 @@ def _answer(path: Path, number: int, thing: Named) -> None:
     def show_next(value: object) -> None:
         nonlocal shown
         shown += 1
-        _write(path.with_suffix(f".{shown}.shown"), pack(value))
+        hand_over(path.with_suffix(f".{shown}.shown"), pack(value))
 
     try:
         _show = show_next
@@ -180,7 +181,7 @@ def _answer(path: Path, number: int, thing: Named) -> None:
     finally:
         _show = None
     cancelled.unlink(missing_ok=True)
-    _write(path.with_suffix(".answer"), data)
+    hand_over(path.with_suffix(".answer"), data)
 
 
 def _sendable(error: Exception) -> Exception:
@@ -194,9 +195,3 @@ def _sendable(error: Exception) -> Exception:
 
 class Failed(Exception):  # noqa: N818
     """A bug in a function that another process called: its class and text, and the traceback."""
-
-
-def _write(path: Path, data: bytes) -> None:
-    part = path.with_name(f"{path.name}.part")
-    part.write_bytes(data)
-    part.replace(path)

@@ -10,7 +10,6 @@ import re
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,20 +54,6 @@ def read_arrays(path: Path, names: tuple[str, ...], most: int) -> dict[str, NDAr
                 return {name: _array(archive.read(member)) for name, member in members.items()}
         except _DAMAGED as error:
             raise ValueError(f"{path.name} is not a file of {', '.join(names)}: {error}") from None
-
-
-def write_whole(path: Path, **arrays: NDArray[Any]) -> None:
-    """Write arrays for another of our processes into a file that appears whole; raises OSError."""
-    part = path.with_suffix(".part")
-    with part.open("wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
-    part.replace(path)
-
-
-def read_whole(path: Path) -> dict[str, NDArray[Any]]:
-    """Read all arrays of a file of `write_whole`; raises OSError."""
-    with np.load(path, allow_pickle=False) as held:
-        return {name: held[name] for name in held.files}
 
 
 def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:

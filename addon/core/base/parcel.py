@@ -49,8 +49,9 @@ def unpack(data: bytes, thing: Callable[[Any], object] = lambda name: None) -> A
     Raises:
         pickle.UnpicklingError: It has anything else but plain values and ours.
     """
-    root, _, rest = data.partition(b"\n")
-    return _Reader(io.BytesIO(rest), root.decode(), thing).load()
+    file = io.BytesIO(data)
+    root = file.readline().decode().strip()
+    return _Reader(file, root, thing).load()
 
 
 class _Packer(pickle.Pickler):

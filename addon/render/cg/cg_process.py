@@ -1,8 +1,6 @@
 """CG objects of a render, drawn by Cycles in a process of our own: a render cannot start inside a render.
 
-FOLDER/scene.blend            the file, as it was when the render began
-FOLDER/000012.wanted.npz      what is to be drawn: a canvas at a frame, and the clip's depth there
-FOLDER/000012.drawn.npz       what was drawn of it
+The file is copied as it is when the render begins; drawings are calls (`core/base/calls.py`).
 """
 
 from __future__ import annotations
@@ -10,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -17,6 +16,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ...core.base.atomic import temporary_folder
+from ...core.base.calls import Caller, Failed
 from ...core.base.errors import UserError
 from ...core.base.job import Job, Leaving, end_meanwhile
 from ...core.base.progress import checkpoint
@@ -24,18 +24,19 @@ from ...core.camera.canvas import Canvas
 from ...core.camera.reconstruction import Intrinsics
 from ...core.depth.source import PixelDepth
 from ...core.frame.cg_layers import CGObjects, DrawCG
-from ...core.warp.cg_layer import CGLayer
 from ...scene.base.timeline import clip_frame
 from ...scene.cg_objects import cg_objects
 from ...scene.gpu import main_thread
 from ..processes.blend_file import write_blend
 from ..processes.launcher import start
 from ..views import render_handlers
-from .cycles_layers import LOOK, Layers, Wanted
+from .cycles_layers import Wanted, draw
 
 OVERSCAN = 1 / 16
 """Share of the picture's long side by which CG objects are drawn past its border: blur discs of an eighth of
 it reach so far."""
+LOOK = 0.02
+"""Seconds between two looks for results."""
 
 
 class CGProcess:
@@ -52,16 +53,18 @@ class CGProcess:
             UserError: It cannot be started.
         """
         self._held = ExitStack()
-        self._count = 0
         self._job = Job()
         try:
-            blend = file or self._held.enter_context(temporary_folder()) / "scene.blend"
-            self._folder = blend.parent
+            folder = self._held.enter_context(temporary_folder())
+            self._caller = Caller(self._job, folder)
+            blend = file or folder / "scene.blend"
             if file is None:
                 # Files are written on the main thread, which a render waits for.
                 main_thread.call(lambda: write_blend(blend))
-            job = blend.with_suffix(".json")
-            start(self._job, job, ["cg"], scene, blend=str(blend), is_preview=file is not None)
+            start(
+                self._job, folder / "job.json", ["cg"], scene, blend=str(blend), folder=str(folder),
+                is_preview=file is not None,
+            )  # fmt: skip
         except BaseException:
             self.end()
             raise
@@ -80,33 +83,21 @@ class CGProcess:
         Raises:
             UserError: The process fails.
         """
-        self._count += 1
         margin = int(np.ceil(OVERSCAN * max(pinhole.width, pinhole.height)))
         plate = np.zeros((0, 0)) if depth is None else depth.inverse_depth
         wanted = Wanted(layer, scene_frame, pinhole, margin, np.asarray(plate, np.float32))
-        wanted.write(self._path("wanted"))
-        path = self._path("drawn")
-        while not path.exists():
-            checkpoint()
-            self._check(scene_frame)
-            time.sleep(LOOK)
-        drawn = Layers.read(path)
-        path.unlink()
-        typical, sharp = drawn.typical.tolist(), drawn.sharp.tolist()
-        parts = zip(drawn.pictures, drawn.inverse_depths, typical, sharp, strict=True)
-        layers = [CGLayer.of(picture, inverse, margin, *rest) for picture, inverse, *rest in parts]
-        found = tuple(each for each in layers if each is not None)
-        return CGObjects(found, drawn.shadow if drawn.shadow.size else None)
-
-    def _path(self, what: str) -> Path:
-        return self._folder / f"{self._count:06d}.{what}.npz"
-
-    def _check(self, frame: int) -> None:
-        """UserError naming the frame where the process has ended."""
-        if not self.is_alive:
-            failure = self._job.failure
-            said = "its process ended" if failure is None else failure.text
-            raise UserError(f"the CG objects of frame {frame} could not be rendered: {said}")
+        call = self._caller.call(partial(draw, wanted))
+        try:
+            while not call.ended:
+                checkpoint()
+                self._caller.poll()
+                time.sleep(LOOK)
+            return call.result()
+        except (UserError, Failed) as error:
+            raise UserError(f"the CG objects of frame {scene_frame} could not be rendered: {error}") from None
+        finally:
+            # One that nobody waits for any longer.
+            call.cancel()
 
     def end(self) -> Leaving:
         """End the process without waiting for it, and remove its files after that."""

@@ -6,26 +6,24 @@ which is changed as it takes.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ...core.base import limits
-from ...core.base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
+from ...core.base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map
 from ...core.base.errors import UserError
-from ...core.base.npz import read_whole, write_whole
 from ...core.camera.reconstruction import Intrinsics
+from ...core.frame.cg_layers import CGObjects
+from ...core.warp.cg_layer import CGLayer
 from ...scene.base.timeline import go_to
 from ...scene.cg_objects import cg_objects, has_shadows, split_by_depth, stays_sharp
 from ...scene.solve.camera import set_intrinsics, set_pixel_aspect
 from ..views.quiet import quiet
 
-LOOK = 0.02
-"""Seconds between two looks for requests or results."""
 EMPTY = 1e9
 """Scene units from which on Cycles' depth is that of nothing: it writes 1e10."""
 MOST_VERTICES = 200_000
@@ -57,62 +55,17 @@ class Wanted:
     plate: Map
     """(h, w) inverse depth of the clip on the canvas, in the reconstruction's unit; empty without shadows."""
 
-    def write(self, path: Path) -> None:
-        """Into a file of arrays, which appears whole."""
-        pinhole = self.pinhole
-        numbers = pinhole.width, pinhole.height, pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy
-        write_whole(
-            path, layer=np.array(self.layer), frame=np.array(self.frame), pinhole=np.array(numbers),
-            margin=np.array(self.margin), plate=self.plate,
-        )  # fmt: skip
 
-    @classmethod
-    def read(cls, path: Path) -> Wanted:
-        """Read the file of `write`."""
-        held = read_whole(path)
-        width, height, *rest = held["pinhole"].tolist()
-        pinhole = Intrinsics(int(width), int(height), *rest)
-        return cls(str(held["layer"]), int(held["frame"]), pinhole, int(held["margin"]), held["plate"])
+def begin(scene: bpy.types.Scene, folder: Path, is_preview: bool) -> None:
+    """Have this process `draw` a scene; errors as of `CyclesScene`."""
+    global _cycles
+    _cycles = CyclesScene(scene, folder, is_preview)
 
 
-@dataclass(frozen=True)
-class Layers:
-    """The drawn layers.
-
-    Pictures (n, H, W, 4) of canvas and margin are linear and premultiplied, near ones first; inverse depths
-    (n, H, W) are in the reconstruction's unit, 0 in empty pixels; each layer has one (n,), too. The share of
-    light (h, w, 3) left on the clip is empty without shadows. Some layers (n,) stay sharp.
-    """
-
-    pictures: LinearRGBA
-    inverse_depths: Map
-    typical: Map
-    shadow: LinearRGB
-    sharp: Mask
-
-    def write(self, path: Path) -> None:
-        """Into a file of arrays, which appears whole."""
-        write_whole(path, **{field.name: getattr(self, field.name) for field in fields(self)})
-
-    @classmethod
-    def read(cls, path: Path) -> Layers:
-        """Read the file of `write`."""
-        return cls(**read_whole(path))
-
-
-def serve(scene: bpy.types.Scene, folder: Path, is_preview: bool) -> None:
-    """Draw what is wanted in a folder, until the process is ended; UserError where Cycles fails."""
-    cycles = CyclesScene(scene, folder, is_preview)
-    while True:
-        paths = sorted(folder.glob("*.wanted.npz"))
-        # Nobody waits any longer for those before the last one.
-        for late in paths[:-1]:
-            late.unlink()
-        for path in paths[-1:]:
-            drawn = cycles.draw(Wanted.read(path))
-            path.unlink()
-            drawn.write(path.with_name(path.name.replace("wanted", "drawn")))
-        time.sleep(LOOK)
+def draw(wanted: Wanted) -> CGObjects:
+    """Draw CG objects in this process; UserError where Cycles fails."""
+    assert _cycles is not None
+    return _cycles.draw(wanted)
 
 
 class CyclesScene:
@@ -145,40 +98,33 @@ class CyclesScene:
         camera.data.dof.use_dof = False
         scene.camera = camera
 
-    def draw(self, wanted: Wanted) -> Layers:
-        """Draw a frame's layers and shadows; UserError where Cycles fails."""
-        scene, margin, pinhole = self._scene, wanted.margin, wanted.pinhole
+    def draw(self, wanted: Wanted) -> CGObjects:
+        """Draw a frame's layers, near ones first, and shadows; UserError where Cycles fails."""
+        scene, margin = self._scene, wanted.margin
         layer = scene.view_layers[wanted.layer]
         for each in scene.view_layers:
             each.use = each == layer
         go_to(scene, wanted.frame)
-        self._look(pinhole, margin)
+        self._look(wanted.pinhole, margin)
         things = cg_objects(scene, layer)
         depsgraph = layer.depsgraph
         world = np.array(scene.camera.evaluated_get(depsgraph).matrix_world)
         # A view through a camera leaves its scale aside: depth is in the world's unit.
         unit = float(np.linalg.norm(world[:3, 0]))
         to_camera = np.linalg.inv(world / np.array([unit, unit, unit, 1.0]))
-        pictures, depths, typical, sharp = [], [], [], []
+        layers, shadow = list[CGLayer | None](), None
         for members, middle in _parts(things, depsgraph, to_camera):
             self._show(things, members)
             drawn = self._render(layer, shadows=False)
-            pictures.append(drawn["Image"])
             far = drawn["Depth"][..., 0]
-            depths.append(np.where(far < EMPTY, unit / np.maximum(far, 1e-9), 0).astype(np.float32))
-            typical.append(unit * middle if np.isfinite(middle) else 0.0)
-            sharp.append(stays_sharp(members[0]))
-        shadow = np.zeros((0, 0, 3), np.float32)
+            inverse = np.where(far < EMPTY, unit / np.maximum(far, 1e-9), 0).astype(np.float32)
+            typical = unit * middle if np.isfinite(middle) else 0.0
+            layers.append(CGLayer.of(drawn["Image"], inverse, margin, typical, stays_sharp(members[0])))
         if wanted.plate.size and has_shadows(scene, layer) and any(thing.visible_shadow for thing in things):
             self._show(things, [])
             shadow = self._shadow(layer, wanted, world)
         self._show(things, things)
-        size = pinhole.height + 2 * margin, pinhole.width + 2 * margin
-        return Layers(
-            np.array(pictures, np.float32).reshape(-1, *size, 4),
-            np.array(depths, np.float32).reshape(-1, *size), np.array(typical, np.float32), shadow,
-            np.array(sharp, bool),
-        )  # fmt: skip
+        return CGObjects(tuple(each for each in layers if each is not None), shadow)
 
     def _look(self, pinhole: Intrinsics, margin: int) -> None:
         """The canvas's own pinhole, with pixels around it."""
@@ -252,6 +198,10 @@ class CyclesScene:
         finally:
             bpy.data.images.remove(image)
             path.unlink()
+
+
+_cycles: CyclesScene | None = None
+"""The scene that this process draws."""
 
 
 def _parts(

@@ -8,7 +8,7 @@ them if the others fail.
 FOLDER/scene.blend               the file, as it was when the animation began
 FOLDER/at                        the number of the frame that Blender is at; only later ones are drawn ahead
 FOLDER/frame-000012.lock         held by the process that draws the frame
-FOLDER/frame-000012.npz          the drawn frame
+FOLDER/frame-000012              the drawn frame
 """
 
 from __future__ import annotations
@@ -16,21 +16,20 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
-import numpy as np
 from bpy.app.handlers import persistent
 
 from ...core.base import limits
 from ...core.base.arrays import LinearRGBA
-from ...core.base.atomic import temporary_folder
+from ...core.base.atomic import hand_over, temporary_folder
 from ...core.base.errors import UserError
-from ...core.base.file_lock import FileLock
+from ...core.base.file_lock import claimed
 from ...core.base.job import Job, end_meanwhile
-from ...core.base.npz import read_whole, write_whole
+from ...core.base.parcel import pack, unpack
 from ...core.base.progress import checkpoint
 from ...scene.gpu import main_thread
 from ..views import render_handlers
@@ -74,38 +73,28 @@ class SharedFrames:
 
     def go_on_to(self, frame: int) -> None:
         """Have no other process begin with frames up to this one."""
-        part = self.folder / "at.part"
-        part.write_text(str(frame))
-        part.replace(self.folder / "at")
+        hand_over(self.folder / "at", str(frame).encode())
 
-    @contextmanager
-    def claimed(self, frame: int) -> Iterator[bool]:
-        """Keep others from drawing a frame meanwhile; whether none is at it."""
-        try:
-            lock = FileLock(self._path(frame, "lock"), UserError, patience=0)
-        except UserError:
-            yield False
-            return
-        with lock:
-            yield True
+    def claimed(self, frame: int) -> AbstractContextManager[bool]:
+        """Keep others from drawing a frame meanwhile; enters with whether none is at it."""
+        return claimed(self._path(frame, ".lock"))
 
     def is_there(self, frame: int) -> bool:
         """Return whether a frame is ready."""
-        return self._path(frame, "npz").exists()
+        return self._path(frame).exists()
 
     def put(self, frame: int, drawn: DrawnFrame) -> None:
         """Have a frame wait to be taken. Raises OSError."""
-        write_whole(self._path(frame, "npz"), notes=np.array(drawn.notes, str), **drawn.pictures)
+        hand_over(self._path(frame), pack(drawn))
 
     def take(self, frame: int) -> DrawnFrame:
         """Return a frame that waits, which is gone then. Raises OSError."""
-        path = self._path(frame, "npz")
-        pictures = read_whole(path)
-        path.unlink()
-        return DrawnFrame(pictures, tuple(map(str, pictures.pop("notes"))))
+        drawn: DrawnFrame = unpack(self._path(frame).read_bytes())
+        self._path(frame).unlink()
+        return drawn
 
-    def _path(self, frame: int, end: str) -> Path:
-        return self.folder / f"frame-{frame:06d}.{end}"
+    def _path(self, frame: int, end: str = "") -> Path:
+        return self.folder / f"frame-{frame:06d}{end}"
 
 
 def draw_ahead(

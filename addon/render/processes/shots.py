@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from weakref import ref
 
-from ...core.base.atomic import write_bytes
+from ...core.base.atomic import hand_over
 from ...core.base.parcel import pack, unpack
 from ...scene.sources.shot import Filmed, Shot
 
@@ -34,7 +34,7 @@ class SentShots:
         # Strokes leave the clip as it is.
         clip = next((n for n, (_, filmed) in enumerate(self._sent) if filmed() is thing.clip), number)
         self._sent.append((ref(thing), ref(thing.clip)))
-        write_bytes(_path(self._folder, number), pack((clip, replace(thing, filmed=None, found=None))))
+        hand_over(_path(self._folder, number), pack((clip, replace(thing, filmed=None, found=None))))
         return number
 
 
