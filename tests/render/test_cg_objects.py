@@ -148,9 +148,9 @@ def test_the_process_ends_with_the_one_that_started_it(solved: bpy.types.Scene, 
     place_lamp(solved, 4.0, 20)
     with cg_process.kept():
         rendered(solved, tmp_path / "drawn.exr")
-        process = cg_process._process
-        assert process is not None and process._job.process is not None and process.is_alive
-        child = process._job.process
+        job = cg_process._process.job
+        assert job is not None and job.process is not None and job.process.poll() is None
+        child = job.process
         assert child.stdin is not None
         # As when the parent was killed.
         child.stdin.close()
@@ -162,7 +162,7 @@ def test_it_ends_in_the_midst_of_a_picture_too(solved: bpy.types.Scene) -> None:
     """Cycles hears no signal while it renders, which may take minutes."""
     place_lamp(solved, 4.0, 80)
     solved.cycles.samples, solved.cycles.use_adaptive_sampling = 100_000_000, False
-    process = cg_process.CGProcess(solved.name)
+    process = cg_process.CGProcess()
     looks = 0
 
     def look(_stage: str, _share: float) -> None:
@@ -171,14 +171,17 @@ def test_it_ends_in_the_midst_of_a_picture_too(solved: bpy.types.Scene) -> None:
         if looks > 200:
             raise Cancelled
 
-    assert process._job.process is not None and process._job.process.stdin is not None
     try:
         with pytest.raises(Cancelled), reporting(look):
-            process.draw(solved.view_layers[0].name, 2, LENS, None)
-        process._job.process.stdin.close()
-        assert process._job.process.wait(PATIENCE) != 0
+            process.draw(solved.name, (solved.view_layers[0].name, 2), LENS, None)
+        assert process.job is not None and process.job.process is not None
+        child = process.job.process
+        assert child.stdin is not None
+        child.stdin.close()
+        assert child.wait(PATIENCE) != 0
     finally:
-        process.end().join()
+        if (leaving := process.end()) is not None:
+            leaving.join()
 
 
 def test_what_moves_is_blurred_by_the_shutter_at_its_own_depth(
@@ -227,6 +230,6 @@ def test_the_preview_draws_what_a_render_draws(solved: bpy.types.Scene) -> None:
                 counts.append([len(draw(2, canvas, None).layers) for draw in draws if draw is not None])
             far.hide_set(False)
     finally:
-        cg_preview._drawing._end()
+        cg_preview._drawing.end()
         cg_preview._on_load()
     assert near.visible_get() and counts == [[1, 1], [2, 2]]

@@ -38,32 +38,7 @@ class CGWanted:
     """Counted up whenever the objects change."""
 
 
-class _Process:
-    """The process that draws for the preview, of a .blend."""
-
-    def __init__(self) -> None:
-        self._process: CGProcess | None = None
-        self._of: Path | None = None
-
-    def draw(self, file: Path, wanted: CGWanted, pinhole: Intrinsics, depth: PixelDepth | None) -> CGObjects:
-        """Return the objects of `CGProcess.draw`, begun anew with another file."""
-        if self._process is None or self._of != file:
-            self._end()
-            self._process, self._of = CGProcess(wanted.scene, file), file
-        try:
-            return self._process.draw(wanted.layer, wanted.frame, pinhole, depth)
-        except BaseException:
-            if not self._process.is_alive:
-                self._end()
-            raise
-
-    def _end(self) -> None:
-        if self._process is not None:
-            self._process.end()
-            self._process = None
-
-
-_drawing = _Process()
+_drawing = CGProcess()
 _version = 0
 _written: tuple[tuple[object, ...], Path] | None = None
 """The objects as they were written last, and the .blend with them,"""
@@ -119,7 +94,7 @@ def draw_preview(asked: CGWanted | None, file: Path | None) -> DrawCG | None:
             return kept[1].scaled(kept[0], pinhole)
         if file is None:
             return NO_CG
-        drawn = _drawing.draw(file, asked, pinhole, depth)
+        drawn = _drawing.draw(asked.scene, (asked.layer, asked.frame), pinhole, depth, file)
         _kept[asked] = pinhole, drawn
         _kept.move_to_end(asked)
         while len(_kept) > KEPT:

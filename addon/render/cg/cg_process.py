@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -15,12 +15,10 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ...core.base.atomic import temporary_folder
-from ...core.base.calls import Caller, Failed
+from ...core.base.calls import Failed, Named
 from ...core.base.errors import UserError
-from ...core.base.job import Job, Leaving, end_meanwhile
+from ...core.base.job import Job, Leaving
 from ...core.base.progress import checkpoint
-from ...core.camera.canvas import Canvas
 from ...core.camera.reconstruction import Intrinsics
 from ...core.depth.source import PixelDepth
 from ...core.frame.cg_layers import CGObjects, DrawCG
@@ -28,10 +26,12 @@ from ...scene.base.timeline import clip_frame
 from ...scene.cg_objects import cg_objects
 from ...scene.gpu import main_thread
 from ..processes.blend_file import write_blend
-from ..processes.launcher import start
+from ..processes.launcher import CalledProcess, start
 from ..views import render_handlers
 from .cycles_layers import Wanted, draw
 
+View = tuple[str, int]
+"""Name of a view layer, and frame of the scene's animation."""
 OVERSCAN = 1 / 16
 """Share of the picture's long side by which CG objects are drawn past its border: blur discs of an eighth of
 it reach so far."""
@@ -39,72 +39,57 @@ LOOK = 0.02
 """Seconds between two looks for results."""
 
 
-class CGProcess:
-    """The process that draws the CG objects of a scene."""
+class CGProcess(CalledProcess):
+    """The process that draws CG objects."""
 
-    def __init__(self, scene: str, file: Path | None = None) -> None:
-        """Start the process with a copy of the file, for a scene of this name.
+    _file: Path | None = None
+    """The .blend that it was started with for a preview."""
 
-        Args:
-            scene: Name of the scene.
-            file: The copy, alone in its folder, to draw a preview of; else it is made of the open file.
+    def draw(
+        self, scene: str, view: View, pinhole: Intrinsics, depth: PixelDepth | None, file: Path | None = None
+    ) -> CGObjects:
+        """Draw the CG objects of a scene as the pinhole of a canvas sees them.
+
+        Passes checkpoints. For a preview `file` is a .blend; else the open file is copied as the process
+        starts, so that it must stay unchanged.
 
         Raises:
-            UserError: It cannot be started.
+            UserError: The process fails, and is ended.
         """
-        self._held = ExitStack()
-        self._job = Job()
-        try:
-            folder = self._held.enter_context(temporary_folder())
-            self._caller = Caller(self._job, folder)
-            blend = file or folder / "scene.blend"
-            if file is None:
-                # Files are written on the main thread, which a render waits for.
-                main_thread.call(lambda: write_blend(blend))
-            start(
-                self._job, folder / "job.json", ["cg"], scene, blend=str(blend), folder=str(folder),
-                is_preview=file is not None,
-            )  # fmt: skip
-        except BaseException:
+        if file != self._file:
             self.end()
-            raise
-
-    @property
-    def is_alive(self) -> bool:
-        """Return whether the process can draw."""
-        self._job.poll()
-        return self._job.is_running
-
-    def draw(self, layer: str, scene_frame: int, pinhole: Intrinsics, depth: PixelDepth | None) -> CGObjects:
-        """Draw the CG objects at a frame of the scene, as the pinhole of a canvas sees them.
-
-        Passes checkpoints.
-
-        Raises:
-            UserError: The process fails.
-        """
+            self._file = file
+        layer, frame = view
         margin = int(np.ceil(OVERSCAN * max(pinhole.width, pinhole.height)))
         plate = np.zeros((0, 0)) if depth is None else depth.inverse_depth
-        wanted = Wanted(layer, scene_frame, pinhole, margin, np.asarray(plate, np.float32))
-        call = self._caller.call(partial(draw, wanted))
+        wanted = Wanted(layer, frame, pinhole, margin, np.asarray(plate, np.float32))
+        call = self.started(partial(self._start, scene)).call(partial(draw, wanted))
         try:
             while not call.ended:
                 checkpoint()
-                self._caller.poll()
+                self.poll()
                 time.sleep(LOOK)
             return call.result()
         except (UserError, Failed) as error:
-            raise UserError(f"the CG objects of frame {scene_frame} could not be rendered: {error}") from None
+            self.end()
+            raise UserError(f"the CG objects of frame {frame} could not be rendered: {error}") from None
         finally:
-            # One that nobody waits for any longer.
+            # Nobody waits for it any longer.
             call.cancel()
 
-    def end(self) -> Leaving:
-        """End the process without waiting for it, and remove its files after that."""
-        return end_meanwhile([self._job], self._held.close)
+    def _start(self, scene: str, job: Job, folder: Path) -> Named:
+        blend = self._file or folder / "scene.blend"
+        if self._file is None:
+            # Files are written on the main thread, which a render waits for.
+            main_thread.call(lambda: write_blend(blend))
+        start(
+            job, folder / "job.json", ["cg"], scene, blend=str(blend), folder=str(folder),
+            is_preview=self._file is not None,
+        )  # fmt: skip
+        return lambda thing: None
 
 
-_process: CGProcess | None = None
+_process = CGProcess()
 _is_kept = False
 """True if the scene stays unchanged between renders."""
 
@@ -114,21 +99,8 @@ def draw_cg(scene: bpy.types.Scene, layer: str) -> DrawCG | None:
     original = scene.original if scene.is_evaluated else scene
     if not cg_objects(original, original.view_layers[layer]):
         return None
-    scene_frame = clip_frame(scene)
-
-    def draw(frame: int, canvas: Canvas, depth: PixelDepth | None) -> CGObjects:
-        global _process
-        if _process is None:
-            _process = CGProcess(original.name)
-        try:
-            return _process.draw(layer, scene_frame, canvas.pinhole, depth)
-        except UserError:
-            # The next frame has another one.
-            _process.end()
-            _process = None
-            raise
-
-    return draw
+    name, view = original.name, (layer, clip_frame(scene))
+    return lambda frame, canvas, depth: _process.draw(name, view, canvas.pinhole, depth)
 
 
 @contextmanager
@@ -153,11 +125,7 @@ def _end(*_: object) -> Leaving | None:
 
     Returns the process that ends, if any.
     """
-    global _process
-    if _process is None or _is_kept:
-        return None
-    leaving, _process = _process.end(), None
-    return leaving
+    return None if _is_kept else _process.end()
 
 
 _on_change = persistent(_end)

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from pathlib import Path
 
 import bpy
 
-from ...core.base.atomic import temporary_folder
 from ...core.base.calls import Call, Caller
-from ...core.base.job import Job, end_meanwhile
-from .launcher import start
+from ...core.base.job import Job, Leaving
+from .launcher import CalledProcess, start
 from .shots import SentShots
 
 IDLE = 30.0
@@ -24,26 +23,20 @@ LOOK = 1.0
 """Seconds between two looks whether it is idle."""
 
 
-class ClipProcess:
-    """A process that is started with the first call, and ended when nothing was called for long."""
+class ClipProcess(CalledProcess):
+    """A process that is ended when nothing was called for long."""
 
     stays: Callable[[], bool] = staticmethod(lambda: False)
     """Returns whether another call may come at any time."""
 
     def __init__(self, yields: bool = False) -> None:
         """Let a window and other processes go first if it `yields`."""
+        super().__init__("preview's process")
         self._yields = yields
-        self._caller: Caller | None = None
-        self._held = ExitStack()
         self._used = 0.0
         """When it was called last; infinite before the first call."""
         # Blender knows timers by the object.
         self._timer = self._look
-
-    @property
-    def job(self) -> Job | None:
-        """The process, if there is one."""
-        return None if self._caller is None else self._caller.job
 
     def begin(self) -> Caller:
         """Start the process if none runs.
@@ -51,31 +44,20 @@ class ClipProcess:
         Raises:
             UserError: It cannot be started.
         """
-        self.poll()
-        if self._caller is not None and self._caller.job.is_running:
-            return self._caller
-        self.end()
-        job, folder = Job("preview's process"), self._held.enter_context(temporary_folder())
-        try:
-            start(job, folder / "job.json", ["clip"], yields=self._yields, folder=str(folder))
-        except BaseException:
-            self.end()
-            raise
-        self._caller, self._used = Caller(job, folder, SentShots(folder)), float("inf")
+        return self.started(self._start)
+
+    def _start(self, job: Job, folder: Path) -> SentShots:
+        start(job, folder / "job.json", ["clip"], yields=self._yields, folder=str(folder))
+        self._used = float("inf")
         if not bpy.app.timers.is_registered(self._timer):
             bpy.app.timers.register(self._timer, first_interval=LOOK, persistent=True)
-        return self._caller
+        return SentShots(folder)
 
     def call[T](self, function: Callable[[], T]) -> Call[T]:
         """Have a function called there, and return at once; errors as of `begin`."""
         call = self.begin().call(function)
         self._used = time.monotonic()
         return call
-
-    def poll(self) -> None:
-        """Read all answers."""
-        if self._caller is not None:
-            self._caller.poll()
 
     def _look(self) -> float | None:
         """A timer's turn: end a process that nothing was called of for long."""
@@ -89,15 +71,11 @@ class ClipProcess:
             return None
         return LOOK
 
-    def end(self) -> None:
-        """End the process without waiting for it; its calls are cancelled."""
-        if self._caller is not None:
-            self._caller.drop()
-            end_meanwhile([self._caller.job], self._held.pop_all().close)
-            self._caller = None
-        self._held.close()
+    def end(self) -> Leaving | None:
+        """As of `CalledProcess`."""
         if bpy.app.timers.is_registered(self._timer):
             bpy.app.timers.unregister(self._timer)
+        return super().end()
 
 
 CLIP = ClipProcess()

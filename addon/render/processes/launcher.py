@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import bpy
 
 from ...core.base import limits
-from ...core.base.atomic import write_bytes
-from ...core.base.job import Job
+from ...core.base.atomic import temporary_folder, write_bytes
+from ...core.base.calls import Caller, Named
+from ...core.base.job import Job, Leaving, end_meanwhile
 
 HEADLESS = Path(__file__).resolve().parents[2] / "headless.py"
 JOB = "--job"
@@ -49,3 +51,48 @@ def start(
     write_bytes(file, json.dumps(told).encode())
     environment = os.environ | (limits.ONE_THREAD if one_thread else {})
     job.start([*launcher(), JOB, str(file)], yields and not bpy.app.background, environment)
+
+
+class CalledProcess:
+    """Another process, in which functions are called; it is started when it is needed."""
+
+    def __init__(self, program: str = "process") -> None:
+        """Set its name in errors."""
+        self._program = program
+        self._caller: Caller | None = None
+        self._held = ExitStack()
+
+    @property
+    def job(self) -> Job | None:
+        """The process, if there is one."""
+        return None if self._caller is None else self._caller.job
+
+    def started(self, start: Callable[[Job, Path], Named]) -> Caller:
+        """Return the caller of the process that runs.
+
+        If there is none, `start` starts it with a new folder for its calls, and returns names for `pack`.
+        """
+        self.poll()
+        if self._caller is not None and self._caller.job.is_running:
+            return self._caller
+        self.end()
+        job, folder = Job(self._program), self._held.enter_context(temporary_folder())
+        try:
+            self._caller = Caller(job, folder, start(job, folder))
+        except BaseException:
+            self._held.close()
+            raise
+        return self._caller
+
+    def poll(self) -> None:
+        """Read all answers."""
+        if self._caller is not None:
+            self._caller.poll()
+
+    def end(self) -> Leaving | None:
+        """End the process without waiting for it, then remove its files; its calls are cancelled."""
+        if self._caller is None:
+            return None
+        self._caller.drop()
+        leaving, self._caller = end_meanwhile([self._caller.job], self._held.pop_all().close), None
+        return leaving
