@@ -10,7 +10,7 @@ import bpy
 import pytest
 
 from addon.core.base.messages import Progress
-from addon.core.camera.reconstruction import Intrinsics
+from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
 from addon.core.subjects.strokes import MarkedSubject, Stroke
@@ -69,6 +69,16 @@ def test_what_is_found_in_the_background_is_what_the_scene_reads(scene: bpy.type
     assert len(before) == 3
     shot_of(scene).context.stereo.at(2)
     assert kept(work) == before
+
+
+def test_a_camera_that_stays_has_no_depth_to_find(
+    scene: bpy.types.Scene, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert work.exists() and not depth_ahead._stays()
+    monkeypatch.setattr(Reconstruction, "stays", property(lambda _: True))
+    assert depth_ahead._stays()
+    scene.virtual_aperture.depth_maps = "maps"
+    assert not depth_ahead._stays()
 
 
 def test_it_knows_what_is_marked(scene: bpy.types.Scene, work: Path) -> None:

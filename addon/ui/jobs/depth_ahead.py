@@ -18,6 +18,7 @@ from ...scene.base import redraw
 from ...scene.base.remedy_words import WORDS
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.colour_space import REC_709, working_space
+from ...scene.sources.shot import reconstruction_of
 from ...scene.sources.subjects import marked_of
 from ..base.text import progress_row
 
@@ -76,15 +77,24 @@ def _opened(work: Path) -> Path:
 
 
 def begin_after_solve(work: Path | None) -> None:
-    """Call `begin` in a window with a working folder; the panel shows an error."""
+    """Call `begin` in a window with a working folder; the panel shows an error.
+
+    Before a camera that stays there is no depth to find.
+    """
     global _ahead
-    if bpy.app.background or work is None:
+    if bpy.app.background or work is None or _stays():
         return
     try:
         begin(work)
     except UserError as error:
         _ahead = DepthAhead(work)
         _ahead.failure = Failure(str(error), remedies=error.remedies)
+
+
+def _stays() -> bool:
+    """Return whether the scene's camera stays, without depth maps."""
+    settings = bpy.context.scene.virtual_aperture
+    return settings.points is not None and not settings.depth_maps and reconstruction_of(settings).stays
 
 
 def stop() -> None:
