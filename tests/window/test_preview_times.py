@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,10 +13,13 @@ import pytest
 from .clips import write_scene
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import SETTINGS, running
+from .steps import CLIP, SETTINGS, SOLVING, running
 
-VIEWPORT = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport']"
+ADDON = f"__import__('sys').modules['{EXTENSION}.addon"
+VIEWPORT = f"{ADDON}.render.viewport.viewport']"
 PREVIEW = f"{VIEWPORT}.PREVIEW"
+PROCESS = f"{VIEWPORT}.CLIP"
+IN_VIEW = "with bpy.context.temp_override(**view('VIEW_3D')): bpy.ops.virtual_aperture"
 SPACE = "view('VIEW_3D')['area'].spaces.active"
 FRAMES = tuple(range(1, 13))
 
@@ -54,7 +60,7 @@ def preview(program: Program) -> float:
     return float(
         program.ask(
             f"{SPACE}.region_3d.view_perspective = 'CAMERA'\nbpy.seen.clear()\nt = time.monotonic()\n"
-            "with bpy.context.temp_override(**view('VIEW_3D')): bpy.ops.virtual_aperture.preview()\nt"
+            f"{IN_VIEW}.preview()\nt"
         )
     )
 
@@ -83,7 +89,7 @@ def test_the_focus_is_changed(program: Program) -> None:
 
 
 def test_preview_again(program: Program) -> None:
-    program.ask("with bpy.context.temp_override(**view('VIEW_3D')): bpy.ops.virtual_aperture.preview()\nNone")
+    program.ask(f"{IN_VIEW}.preview()\nNone")
     program.settle()
     report(program, preview(program), "Preview again")
 
@@ -93,3 +99,42 @@ def test_preview_of_a_file_opened_again(program: Program, blend: Path) -> None:
     program.settle()
     report(program, preview(program), "Preview of a file opened again")
     program.shot("again")
+
+
+def tell_memory(program: Program) -> None:
+    """Tell how much memory the preview's process takes alone."""
+    process = program.ask(f"{PROCESS}.job.process.pid")
+    rows = re.findall(r"^Private_\w+: +(\d+) kB", Path(f"/proc/{process}/smaps_rollup").read_text(), re.M)
+    program.tell(f"memory of the preview's process: {sum(map(int, rows)) // 1000} MB")
+
+
+def solve(program: Program, folder: Path) -> None:
+    """Begin to solve a clip in a new file; return as the preview's process starts."""
+    folder.mkdir()
+    clip = shutil.copy(CLIP, folder)
+    program.ask("bpy.ops.wm.read_homefile(app_template='', use_factory_startup=True); None")
+    program.settle()
+    assert program.ask(f"{PROCESS}.job is None"), "there is no clip"
+    program.ask(f"{SETTINGS}.footage = {str(clip)!r}; None")
+    program.ask(f"{IN_VIEW}.solve('INVOKE_DEFAULT')\nNone")
+    program.wait(f"{PROCESS}.job is not None", 180)
+
+
+@pytest.mark.parametrize("wait", [0.0, 3.0])
+def test_preview_after_a_solve(program: Program, folder: Path, wait: float) -> None:
+    solve(program, folder / f"after_{wait:g}")
+    program.wait(f"{SETTINGS}.points is not None", 180)
+    time.sleep(wait)
+    tell_memory(program)
+    report(program, preview(program), f"Preview {wait:g} s after a solve")
+    program.shot(f"after_{wait:g}")
+
+
+@pytest.mark.long
+def test_a_cancelled_solve_ends_the_process(program: Program, folder: Path) -> None:
+    solve(program, folder / "cancelled")
+    assert program.ask(SOLVING)
+    program.screen.move(*program.middle("VIEW_3D"))
+    program.screen.key("Escape")
+    program.wait(f"not {SOLVING}")
+    assert program.ask(f"[{SETTINGS}.points is None, {PROCESS}.job is None]") == [True, True]
