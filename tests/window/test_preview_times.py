@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from .clips import write_scene
-from .program import EXTENSION, Program
+from .program import BACKEND, EXTENSION, Program
 from .screen import Screen
 from .steps import CLIP, SETTINGS, SOLVING, running
 
@@ -99,6 +99,14 @@ def test_preview_of_a_file_opened_again(program: Program, blend: Path) -> None:
     program.settle()
     report(program, preview(program), "Preview of a file opened again")
     program.shot("again")
+
+
+def test_the_process_has_this_gpu_backend(program: Program) -> None:
+    launcher = f"{ADDON}.render.processes.launcher']"
+    program.ask(f"bpy.call = {PROCESS}.call({launcher}._backend); None")
+    program.wait(f"{PROCESS}.poll() or bpy.call.ended")
+    said = program.ask(f"[bpy.call.result(), {launcher}._backend()]")
+    assert said[0] == said[1] == ["--gpu-backend", BACKEND or "opengl"]
 
 
 def tell_memory(program: Program) -> None:

@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import bpy
+import gpu
 
 from ...core.base import limits
 from ...core.base.atomic import temporary_folder, write_bytes
@@ -19,15 +20,27 @@ from ...core.base.job import Job, Leaving, end_meanwhile
 HEADLESS = Path(__file__).resolve().parents[2] / "headless.py"
 JOB = "--job"
 """Before the file of a job, instead of a command."""
+BACKENDS = {"METAL", "OPENGL", "VULKAN"}
+"""Blender's GPU backends but that without a GPU."""
 
 
 def launcher() -> list[str]:
     """Return the words before the arguments with which another process of this command line is started."""
     if bpy.app.binary_path:
         return [
-            bpy.app.binary_path, "--background", "--python-exit-code", "1", "--python", str(HEADLESS), "--",
+            bpy.app.binary_path, *_backend(), "--background", "--python-exit-code", "1",
+            "--python", str(HEADLESS), "--",
         ]  # fmt: skip
     return [sys.executable, str(HEADLESS)]
+
+
+def _backend() -> list[str]:
+    """The words that choose this Blender's GPU backend; none before it has a GPU context."""
+    try:
+        backend = gpu.platform.backend_type_get()
+    except SystemError:
+        return []
+    return ["--gpu-backend", backend.lower()] if backend in BACKENDS else []
 
 
 def start(
