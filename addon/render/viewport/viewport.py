@@ -326,9 +326,9 @@ def end() -> None:
                     space.shading.type = "SOLID"
 
 
-def warm() -> None:
-    """Start the preview's process if the file has a solved clip, which may be looked at soon; else end it."""
-    if any(scene.virtual_aperture.points is not None for scene in bpy.data.scenes):
+def warm(soon: bool = False) -> None:
+    """Start the preview's process if the file has a solved clip, or will have one `soon`; else end it."""
+    if soon or any(scene.virtual_aperture.points is not None for scene in bpy.data.scenes):
         if not bpy.app.background:
             with contextlib.suppress(UserError):  # reported with the first call
                 CLIP.begin()

@@ -33,6 +33,10 @@ from ..base.solving import Solving
 from ..jobs import depth_ahead, first_person
 from . import after_solve
 
+LATE = 0.5
+"""Share of a solve after which the preview's process starts, which takes 2 to 3 s: the user may press Preview
+as the solve ends."""
+
 
 def is_kept(settings: Any) -> bool:
     """Return whether the working folder has a solve or an import; fast enough for drawing."""
@@ -177,18 +181,19 @@ class Solves:
     def modal(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         assert self._process is not None
         if event.type == "ESC":
-            self._end(context)
-            depth_ahead.begin_after_solve(self._depth)
+            self._give_up(context)
             self.report({"WARNING"}, "Solve cancelled; nothing was changed")
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         try:
-            before = self._process.sight, self._process.step.stage
+            before, share = (self._process.sight, self._process.step.stage), self._process.step.share
             for step in self._process.poll():
                 context.window_manager.progress_update(100 * step.share)
                 context.workspace.status_text_set(f"Virtual Aperture: {step.text}    (ESC cancels)")
                 redraw.panels()
+            if share <= LATE < self._process.step.share:
+                viewport.warm(soon=True)
             if (self._process.sight, self._process.step.stage) != before:
                 redraw.viewports()
             if not self._process.finished:
@@ -197,8 +202,7 @@ class Solves:
             result: Result = self._finish()
             return result
         except UserError as error:
-            self._end(context)
-            depth_ahead.begin_after_solve(self._depth)
+            self._give_up(context)
             self.report({"ERROR"}, error.worded(WORDS))
             return {"CANCELLED"}
         except Exception:
@@ -228,6 +232,12 @@ class Solves:
             self.report({"WARNING"}, each)
         self.report({"INFO"}, solved_words(scene, solve.summary))
         return {"FINISHED"}
+
+    def _give_up(self, context: bpy.types.Context) -> None:
+        """End the solve without a result; depth is found again for the solve before."""
+        self._end(context)
+        viewport.warm()
+        depth_ahead.begin_after_solve(self._depth)
 
     def _end(self, context: bpy.types.Context) -> None:
         assert self._process is not None
