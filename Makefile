@@ -13,7 +13,7 @@ SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TR
 REAL := $(if $(CLIPS),--clips $(CLIPS)) $(if $(PROGRAM),--program $(PROGRAM)) $(if $(NAME),--name $(NAME))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS)) $(if $(METHODS),--methods $(METHODS)) $(if $(STATUS),--status)
 
-.PHONY: help setup demo test test-fast test-all test-window test-window-smoke pictures store-pictures moving-picture torture sample real bench bench-speed bench-solve bench-stability figures lint zip store store-check docs clean
+.PHONY: help setup demo test test-fast test-all test-window test-window-smoke pictures store-pictures store-video moving-picture torture sample real bench bench-speed bench-solve bench-stability figures lint zip store store-check docs clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
@@ -24,6 +24,7 @@ help:
 	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
 	@echo "make moving-picture  the sample clip with its focus pulled, as the README opens with it"
 	@echo "make store-pictures  the icon and the featured picture of the store's page, into docs/store/"
+	@echo "make store-video  the video of that page, of the screenshots that make pictures took, into docs/store/"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
 	@echo "make real    real clips (real data): solved or why not, detail, noise, flicker, masks; contact sheets to look at"
@@ -88,6 +89,9 @@ moving-picture: setup
 
 store-pictures: setup
 	@$(PYTHON) -m sample_scenes.store_pictures
+
+store-video: setup
+	@$(PYTHON) -m sample_scenes.store_video
 
 torture: setup
 	@$(PYTHON) -m benchmarks.torture $(if $(TRIES),--tries $(TRIES)) $(if $(FAULTS),--faults $(FAULTS))

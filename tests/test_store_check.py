@@ -69,13 +69,21 @@ def sound() -> Files:
 
 
 def package(folder: Path, files: Files) -> store_check.Package:
-    """Write a zip, and the pictures beside it."""
+    """Write a zip, and the pictures and the video beside it."""
     for name, across, down in (store_check.ICON, store_check.FEATURED):
         cv2.imwrite(str(folder / name), np.zeros((down, across, 3), np.uint8))
+    write_video(folder, 20)
     with zipfile.ZipFile(folder / "thing.zip", "w") as archive:
         for name, data in files.items():
             archive.writestr(name, data)
     return store_check.Package(folder / "thing.zip", folder)
+
+
+def write_video(folder: Path, seconds: int) -> None:
+    film = cv2.VideoWriter(str(folder / store_check.VIDEO), cv2.VideoWriter.fourcc(*"mp4v"), 1.0, (32, 32))
+    for _ in range(seconds):
+        film.write(np.zeros((32, 32, 3), np.uint8))
+    film.release()
 
 
 def manifest(old: str, new: str) -> Callable[[Files], None]:
@@ -160,8 +168,9 @@ BREACHES: dict[str, list[Callable[[Files], None]]] = {
     ],
     "size": [],
     "pictures": [],
+    "video": [],
 }  # fmt: skip
-"""Changes that break a check, by its name; the last two are of no file in the zip."""
+"""Changes that break a check, by its name; the last three are of no file in the zip."""
 CHECKS = {check.__name__: check for check in store_check.CHECKS}
 
 
@@ -185,6 +194,14 @@ def test_a_large_zip_and_missing_pictures_are_found(tmp_path: Path, monkeypatch:
     assert list(CHECKS["size"](there))
     (tmp_path / "featured.jpg").replace(tmp_path / "icon.png")
     assert len(list(CHECKS["pictures"](there))) == 2
+
+
+def test_a_video_of_another_length_is_found(tmp_path: Path) -> None:
+    there = package(tmp_path, sound())
+    write_video(tmp_path, 17)
+    assert list(CHECKS["video"](there)) == ["video.mp4: lasts 17.0 s, not 18 to 22"]
+    (tmp_path / "video.mp4").unlink()
+    assert list(CHECKS["video"](there)) == ["video.mp4: No such file or directory"]
 
 
 def test_a_breach_ends_the_command(

@@ -23,6 +23,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import av
 import cv2
 import wheel_check
 from build_zip import builder
@@ -65,6 +66,8 @@ READ = {
 SOURCES = (".md", ".onnx", ".py", ".tflite", ".toml", ".txt", ".whl")
 ICON, FEATURED = ("icon.png", 256, 256), ("featured.jpg", 1920, 1080)
 """Pictures that the platform asks for: names, and pixels across and down."""
+VIDEO, SECONDS = "video.mp4", (18.0, 22.0)
+"""The video that the platform's reviewers ask for, and how long it may last."""
 
 
 @dataclass(frozen=True)
@@ -240,6 +243,19 @@ def pictures(package: Package) -> Iterator[str]:
             yield f"{name}: is no picture of {across}x{down}"
 
 
+def video(package: Package) -> Iterator[str]:
+    """There is a video of about 20 seconds"""
+    least, most = SECONDS
+    try:
+        with av.open(str(package.pictures / VIDEO)) as film:
+            seconds = (film.duration or 0) / av.time_base
+    except av.FFmpegError as error:
+        yield f"{VIDEO}: {error.strerror}"
+        return
+    if not least <= seconds <= most:
+        yield f"{VIDEO}: lasts {seconds:.1f} s, not {least:.0f} to {most:.0f}"
+
+
 def of_wheels(check: Callable[[list[Wheel]], Iterator[str]]) -> Callable[[Package], Iterator[str]]:
     """Make a check of a package from one of its wheels."""
 
@@ -259,7 +275,7 @@ CHECKS: tuple[Callable[[Package], Iterator[str]], ...] = (
     valid, permissions, website, licence, adverts, network, others, code, modules, own_place, sources,
     *(of_wheels(each) for each in
       (wheel_check.modified, wheel_check.bundled, wheel_check.licensed, wheel_check.programs)),
-    fitting, size, pictures,
+    fitting, size, pictures, video,
 )  # fmt: skip
 """All checks; the first line of their docstring is printed."""
 
