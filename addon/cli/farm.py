@@ -195,10 +195,7 @@ def _copy_scene(source: Path, options: argparse.Namespace, folder: Path) -> list
 def _copy_clip(
     source: Path, options: argparse.Namespace, folder: Path
 ) -> tuple[list[int], Path, Path | None]:
-    """Copy a clip for a job into a folder, with the lens and the user's pictures.
-
-    Returns the frames to render, and the copies of the clip and of its depth maps.
-    """
+    """Copy a clip for a job; returns the frames to render, and the copies of the clip and its depth maps."""
     footage = open_footage(source, options.solve_frames, stills=options.stills)
     frames = movie_frames(footage, options.frames)
     clip = copy_clip(open_footage(source, stills=options.stills), folder)

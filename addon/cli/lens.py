@@ -134,10 +134,7 @@ def _chosen_focus(
     options: argparse.Namespace,
     frames: Sequence[int],
 ) -> tuple[Focus, int, list[Place]]:
-    """The focus, its frame, and the picked places, each in its frame.
-
-    `frames` are those of `set_lens`.
-    """
+    """The focus, its frame, and the picked places in their frames; `frames` are those of `set_lens`."""
     own = int(reconstruction.frames[0])
     if points := options.focus_point or options.focus_plane:
         focus = Focus(points=tuple(points), through_points=bool(options.focus_plane))

@@ -165,10 +165,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
 
     @contextmanager
     def _at_whole_frame(self, depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
-        """Evaluate the scene at the clip's frame, where Blender is between that and the next one.
-
-        *Time Remapping* and subframes lead there: focus and camera would not be those of the picture.
-        """
+        """Evaluate the scene at the clip's frame, where remapping or subframes lead between two frames."""
         scene = depsgraph.scene_eval
         now, frame = (scene.frame_current, scene.frame_subframe), clip_frame(scene)
         if scene.frame_current_final == frame:
@@ -183,10 +180,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
     def _frame(
         self, scene: bpy.types.Scene, number: int, size: tuple[int, int], layer: bpy.types.ViewLayer
     ) -> dict[str, LinearRGBA]:
-        """Return the frame (H, W, 4), and passes (H, W, 1), of a view layer, by name.
-
-        `number` is the scene's own of the frame, before any remapping.
-        """
+        """The frame (H, W, 4) and passes (H, W, 1) of a view layer, by name, at the scene's own `number`."""
         names = passes.wanted(layer)
         with stage("Clip", 0.0, 0.0):
             shot = shot_of(scene)

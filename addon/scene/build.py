@@ -242,11 +242,7 @@ def first_file(footage: Footage) -> Path:
 
 
 def _set_output(scene: bpy.types.Scene, footage: Footage, is_other: bool) -> None:
-    """Set an output path unless the user did.
-
-    Frames would otherwise be lost in Blender's temporary folder, or lie among those of an earlier clip
-    (`is_other`).
-    """
+    """Set an output path unless the user did, or the one set is that of an earlier clip (`is_other`)."""
     render = scene.render
     is_ours = bool(render.filepath) and render.filepath == scene.virtual_aperture.output
     is_temporary = render.filepath.rstrip("/\\") in {"", "/tmp", _temporary_folder()}
@@ -274,9 +270,6 @@ def _temporary_folder() -> str:
 
 
 def _without_files(folder: Path) -> Path:
-    """The folder, or if it has files, the first of FOLDER_2, FOLDER_3 and so on without any.
-
-    A clip with the same name may have made them.
-    """
+    """The folder, or if it has files, the first of FOLDER_2, FOLDER_3 and so on without any."""
     numbered = (folder.with_name(f"{folder.name}_{n}") for n in itertools.count(2))
     return next(f for f in itertools.chain([folder], numbered) if not f.is_dir() or not any(f.iterdir()))

@@ -100,10 +100,7 @@ def turned(points: Floats, turn: Sequence[float] | Floats, when: Floats) -> Floa
 
 @dataclass(frozen=True)
 class _Turning:
-    """Points in the axes of a camera that turns (Rodrigues), at any time.
-
-    Coordinates come first: NumPy takes several times as long where they come last.
-    """
+    """Points (3, ...) in the axes of a turning camera (Rodrigues); NumPy is slower with coordinates last."""
 
     points: Floats
     """(3, ...) at time 0."""

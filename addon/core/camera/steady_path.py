@@ -70,10 +70,7 @@ class SteadyPath:
 
 
 def _between(rotation: Floats, centre: Floats, steady: Floats, there: Floats) -> tuple[Floats, Floats]:
-    """Rotations (..., 3, 3) and translations (..., 3) from camera spaces into steadier ones.
-
-    They follow from both cameras' world-to-camera rotations (..., 3, 3) and centres (..., 3).
-    """
+    """Rotations (..., 3, 3) and translations (..., 3) from cameras, of two paths, to the steadier ones."""
     return steady @ np.swapaxes(rotation, -1, -2), np.einsum("...ij,...j->...i", steady, centre - there)
 
 
@@ -142,10 +139,7 @@ class _Path:
         return SteadyPath(self.frames, rotations, centres, float(zoom), strength)
 
     def _zoom(self, number: int, turn: Floats, move: Floats) -> float:
-        """Least zoom at which a frame covers the view of its steadier path.
-
-        It is infinite if that is too much, or if near and far things move apart too far.
-        """
+        """Least zoom at which a frame covers the view of its steadier path; infinite if that is too much."""
         camera, own = self._rec.cameras[number], self._camera == number
         spread = self._levels[own, -1] - self._levels[own, 0]
         apart = camera.fx * np.linalg.norm(move[own, :2], axis=1) * spread

@@ -252,11 +252,7 @@ def _own_share(confidence: Map) -> Map:
 
 
 def _extrapolated(picture: Bytes, inverse: Map, confidence: Map, reach: float, behind: float) -> Map:
-    """(h, w) sure inverse depth extended along a picture's (h, w, 3) surfaces.
-
-    Min et al., "Fast global image smoothing based on weighted least squares", 2014. It is weighted by depth
-    to the power of `behind`; `reach` is the smoother's lambda.
-    """
+    """(h, w) sure inverse depth, extended by weighted least squares along surfaces (Min et al., 2014)."""
     median = float(np.median(inverse)) or 1.0
     nearness = np.maximum(inverse / median, LEAST_NEARNESS)
     weight = np.clip((confidence - UNSURE) / (1 - UNSURE), 0, 1) ** 2

@@ -134,10 +134,7 @@ def _mismatch(
     gather: Callable[[Map], Map],
     room: Bytes,
 ) -> Costs:
-    """(h, w) gathered mismatch of a frame (h, w, 4) with the neighbours of the better side.
-
-    It is `UNSEEN` where no neighbour sees all around; `room` (2, h, w, 4) is written to.
-    """
+    """(h, w) gathered mismatch with the neighbours of the better side, `UNSEEN` where none sees all of it."""
     height, width = reference.shape[:2]
     best, hidden = None, None
     # A guided filter averages twice over its radius.
@@ -168,11 +165,7 @@ def _mismatch(
 
 
 def _finished(costs: Costs, preferred: Costs) -> Costs:
-    """Costs (h, k, w) with `UNSEEN` replaced, plus the preference (k,) for far levels.
-
-    A depth at which no neighbour sees the place gets the least cost of the pixel: there is no evidence
-    against it.
-    """
+    """Costs (h, k, w) plus the preference (k,) for far levels, with `UNSEEN` replaced by the least cost."""
     for row in costs:
         unseen = row == UNSEEN
         row += preferred[:, None]

@@ -36,12 +36,7 @@ def in_place(
 
 
 def _nearest_seen(depth: DenseDepth, image: Image, camera: Intrinsics, here: Image) -> Map:
-    """(h, w) largest inverse depth at which another frame sees the rays of a frame's pixels.
-
-    Nearer things are past its picture, less `BORDER` pixels, or behind its camera: it sees the background,
-    and has no evidence about them. Homogeneous places, and the sides of the picture, are linear in inverse
-    depth.
-    """
+    """(h, w) largest inverse depth of a frame's rays inside another frame's picture, less `BORDER`."""
     rotation, translation = relative_pose(here, image)
     there = pixel_matrix(depth.pinhole)
     far, step = there @ rotation @ np.linalg.inv(pixel_matrix(camera)), there @ translation
@@ -68,10 +63,7 @@ def _weight(depth: DenseDepth) -> Map:
 
 
 def _reprojected(depth: DenseDepth, image: Image, camera: Intrinsics, here: Image) -> tuple[Map, Map]:
-    """(h, w) inverse depth of another frame in a frame's pixels, the nearest one, and its confidence.
-
-    Confidence is 0 in empty pixels.
-    """
+    """(h, w) nearest inverse depth of another frame in a frame's pixels, and its confidence, 0 if empty."""
     rotation, translation = relative_pose(image, here)
     back = np.linalg.inv(pixel_matrix(depth.pinhole))
     matrix, parallax = pixel_matrix(camera) @ rotation @ back, pixel_matrix(camera) @ translation

@@ -92,10 +92,7 @@ def whole_depth(
 
 
 def _past_border(past: Map, inside: Map, size: tuple[int, int]) -> Map:
-    """(H + 2 M, W + 2 M) inverse depth past the border of a picture of `size` (W, H).
-
-    It is the nearest pixel's of a smaller picture (h + 2 m, w + 2 m) around `inside` (h, w).
-    """
+    """(H + 2 M, W + 2 M) inverse depth around a picture of `size` (W, H), from that of a smaller one."""
     margin = (past.shape[0] - inside.shape[0]) // 2
     beyond = int(margin * min(size[0] / inside.shape[1], size[1] / inside.shape[0]))
     at = (

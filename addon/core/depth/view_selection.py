@@ -150,10 +150,7 @@ def _parallax(
     rays: Floats,
     span: tuple[float, float],
 ) -> float | None:
-    """Median distance over rays (n, 3), in another frame's pixels, between both ends of a span.
-
-    The span is of inverse depths. None if the overlap is too small.
-    """
+    """Median parallax (px) of rays (n, 3) over a span of inverse depths; None for too small an overlap."""
     rotation, translation = relative_pose(image, other)
     far, near, middle = (rays @ rotation.T + inverse * translation for inverse in (*span, sum(span) / 2))
     nearest = min(places[:, 2].min() for places in (far, near, middle))

@@ -69,10 +69,7 @@ class Focus:
     def _plane_through_points(
         self, reconstruction: Reconstruction, frame: int, pinhole: Intrinsics
     ) -> tuple[float, tuple[float, float]]:
-        """Inverse depth on the optical axis, and its slope a pixel, of the plane that fits the points best.
-
-        The fit is by least squares; all frames have the same plane.
-        """
+        """Inverse depth on the axis, and slopes a pixel, of the least-squares plane through the points."""
         if len(self.points) < FEWEST_IN_PLANE:
             raise UserError(
                 f"a focal plane through points takes {FEWEST_IN_PLANE} or more; {len(self.points)} are picked"

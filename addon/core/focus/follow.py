@@ -115,11 +115,7 @@ def _one_way(clip: _Clip, way: Sequence[int], start: Floats, start_depth: float)
 
 
 def _step(there: Floats, back: Floats, points: Floats) -> Floats | None:
-    """The motion (2,) in pixels of most points (n, 2) by a flow (h, w, 2); None where too few agree.
-
-    Only points that the flow `back` returns to their place count, so that an occluder does not carry them
-    along.
-    """
+    """Motion (2,) in pixels of most points (n, 2) whose flow returns to its place; None if few agree."""
     steps = _at(there, points)
     after = points + steps
     inside = ((after >= 0) & (after < there.shape[1::-1])).all(axis=1)

@@ -84,10 +84,7 @@ def pick_features(features: FrameFeatures, canvas: Canvas, x: float, y: float) -
 
 
 def _nearest(places: Floats, place: Floats, count: int) -> Ints:
-    """(count,) or fewer indices of the places (n, 2) that are nearest to one (2,), the nearest first.
-
-    Without sorting all of them, which takes a quarter of a second of a million.
-    """
+    """Indices (<= count,) of the places (n, 2) nearest to one (2,), the nearest first; few are sorted."""
     away = np.square(places[:, 0] - place[0])
     away += np.square(places[:, 1] - place[1])
     near = np.argpartition(away, count - 1)[:count] if count < len(away) else np.arange(len(away))

@@ -244,10 +244,7 @@ class PlaceFinder:
         )
 
     def _points(self, x: float, y: float) -> tuple[Focus | None, float]:
-        """The points for a place, and the distance of the farthest one in pixels of the source frame.
-
-        The points are None where they are too far from the place.
-        """
+        """The points for a place, None if too far from it, and the distance (px) of the farthest one."""
         # Without features the frame may have depth.
         if len(self._features.points) < 2:
             return None, float("inf")

@@ -157,11 +157,7 @@ def mesh_frame(
 
 
 def _with_depth(geometry: FrameGeometry) -> tuple[FrameGeometry, str, float]:
-    """Add depth for meshers of dense depth.
-
-    Returns:
-        The frame, the reason for another mesher than the selected one, and the wall time of the depth.
-    """
+    """Add depth; also returns the reason for another mesher than the selected one, and the wall time."""
     if not geometry.mesher.needs_pixel_depth:
         return geometry, "", 0.0
     if not can_be_layered(geometry.lens, sampled_disc(geometry)):

@@ -176,10 +176,7 @@ class HighlightDiscs:
     def _discs(
         self, one: SmallHighlight, plan: FramePlan, before: Surfaces, focal_plane: _FocalPlane
     ) -> tuple[LinearRGB, Ints]:
-        """Return the light (n, h, w, 3) of a highlight's discs, by parts, after occlusion and focusing.
-
-        Their first rows and columns (n, 2) may be outside the canvas.
-        """
+        """Light (n, h, w, 3) of a highlight's discs by parts, and their corners (n, 2), perhaps outside."""
         pinhole = plan.canvas.pinhole
         seen_here = _as_seen(one, self.steadied) if self.steadied else one
         displacement = focal_plane.displacement(seen_here)
@@ -258,10 +255,7 @@ def _filtered(light: LinearRGB, kernel: Map, reach: list[int]) -> LinearRGB:
 
 @lru_cache(maxsize=256)
 def _kernel(aperture: Aperture, across: float, down: float) -> Map:
-    """Return the (h, w) shares of light, of sum 1, around the centre of a disc; sides are odd.
-
-    Radii in pixels are negative behind the focal plane, where the disc is upright.
-    """
+    """(h, w) shares of a disc's light, of sum 1, sides odd; radii (px) are negative behind the focus."""
     reach = [int(np.ceil(abs(radius))) + 1 for radius in (down, across)]
     y, x = ((np.arange(SUBSAMPLES * (2 * n + 1)) + 0.5) / SUBSAMPLES - n - 0.5 for n in reach)
     fine = aperture.light(*np.meshgrid(-x / across, -y / down))
@@ -396,10 +390,7 @@ def _around(stats: Ints, reach: int) -> tuple[slice, slice]:
 
 
 def _nearest_of(label: Ints, highlights: Mask, displacement: Map, shift: Floats) -> Ints:
-    """Return (H, W) labels of the highlights to which pixels' light may belong; 0 for none.
-
-    They are a highlight's pixels, and `RIM` pixels around it at the same displacement (H, W).
-    """
+    """(H, W) labels of the highlight that a pixel, or one within `RIM` beside it, belongs to; else 0."""
     distance, nearest = cv2.distanceTransformWithLabels(
         (~highlights).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )

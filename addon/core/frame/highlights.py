@@ -190,10 +190,7 @@ class ClipHighlights:
         return mine[both], match[both]
 
     def _segments(self, here: Image, xy: Floats, other: Image) -> tuple[Floats, Floats]:
-        """Return the ends (n, 2) of epipolar segments of positions (n, 2) in another frame, in pixels.
-
-        They are at infinity and at the nearest depth; NaN behind the camera.
-        """
+        """Ends (n, 2), in px of a frame, of epipolar segments, infinity first; NaN behind the camera."""
         camera, there = self._rec.intrinsics(here), self._rec.intrinsics(other)
         rotation, translation = relative_pose(here, other)
         rays = np.column_stack([_rays(camera, xy), np.ones(len(xy))]) @ rotation.T
@@ -220,10 +217,7 @@ class ClipHighlights:
 
 
 def _near_segments(far: Floats, near: Floats, place: Floats, reach: float) -> tuple[Indices, Indices]:
-    """Return pairs (p,) of segments, from (n, 2) to (n, 2), and positions (m, 2) possibly within `reach`.
-
-    The pairs are near in x or in y, whichever gives fewer.
-    """
+    """Pairs (p,) of segments (n, 2) and positions (m, 2) within `reach` in x or y, whichever gives fewer."""
     low, high = np.minimum(far, near) - reach, np.maximum(far, near) + reach
     axis = int(np.argmin(np.nansum(high - low, axis=0)))
     order = np.argsort(place[:, axis], kind="stable")

@@ -238,11 +238,7 @@ def _blur(signed: Floats) -> Shown:
 
 
 def _focus_tint(warped: WarpedFrame) -> Shown:
-    """Return (H, W, 4) tints of unsharp pixels of the canvas, and their shares.
-
-    The share is 0 up to the acceptable circle of confusion, half of `TINT` at twice its size, and approaches
-    `TINT`.
-    """
+    """(H, W, 4) tints of unsharp pixels of the canvas, and their shares in [0, `TINT`] by disc size."""
     signed = np.nan_to_num(blur_discs(warped))
     least = warped.plan.lens.acceptable_disc
     share = TINT * (1 - 1 / np.maximum(np.abs(signed) / least, 1))

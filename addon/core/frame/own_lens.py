@@ -217,10 +217,7 @@ def _levels(edges: Sequence[Floats], first: int, last: int) -> Floats:
 
 
 def _parabola(levels: Floats) -> tuple[tuple[float, float], float]:
-    """Fit inverse depths of the focal plane at both ends of the clip, and the growth of variance.
-
-    The growth is in pixels^2 by squared distance from the plane, 0 if variances of levels (n, 3) do not grow.
-    """
+    """Inverse depths of the focal plane at both ends of the clip, and the growth (px^2) of variance or 0."""
     way, inverse, variance = levels.T
     # Relative errors of blur are constant.
     weight = 1 / (variance + SMOOTHING**2)

@@ -252,11 +252,7 @@ def _value(
 
 
 def _snapped(region: Map, picture: LinearRGBA, radius: float) -> Mask:
-    """The region (H, W) with its outline on edges of the picture (H, W, 4), within a radius in pixels.
-
-    A pixel near the outline belongs to the side whose colours around it are more likely its own, as in Bai et
-    al., "Video SnapCut", 2009; to the painted side where both are alike.
-    """
+    """The region (H, W) with its outline moved to edges of the picture (Bai et al., 2009)."""
     painted = region > 0.5
     reach = max(round(radius), 1)
     left, top, width, height = cv2.boundingRect(painted.astype(np.uint8))

@@ -64,10 +64,7 @@ def _bytes_of(rows: Channel) -> NDArray[np.uint8]:
 
 
 def _packed(data: NDArray[np.uint8]) -> bytes:
-    """Bytes (n,) compressed as by OpenEXR's ZIP: every second byte first, as differences.
-
-    They are unchanged if that is not shorter.
-    """
+    """Bytes (n,) compressed as by OpenEXR's ZIP; unchanged if that is not shorter."""
     apart = np.concatenate([data[::2], data[1::2]])
     apart[1:] = apart[1:] - apart[:-1] + np.uint8(128)
     packed = zlib.compress(apart.tobytes(), LEVEL)

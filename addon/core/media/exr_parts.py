@@ -222,10 +222,7 @@ def header_bytes(
 
 
 def _renamed(names: list[str], wanted: str) -> list[str]:
-    """Channel names without a layer, in the same order.
-
-    A single wanted channel keeps its name; others become Y, which decoders read as grey.
-    """
+    """Channel names without a layer; a single wanted one keeps its name, others become Y, read as grey."""
     if len(names) == 1:
         return [wanted.rpartition(".")[2]]
     place = names.index(wanted)

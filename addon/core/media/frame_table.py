@@ -232,10 +232,7 @@ def _remarks(is_interlaced: bool, lacks_alpha: bool, sound: Sound | None) -> Ite
 
 
 def _lost(container: InputContainer, stream: VideoStream, found: _Pass, known: list[int]) -> list[int]:
-    """Times of frames that were not shown and should have been.
-
-    Not those before the first that was: a recording may begin anywhere.
-    """
+    """Times of frames that should have been shown, after the first that was."""
     times = {time for time, _ in found.broken if time is not None}
     # AVI counts frames that are not coded.
     if (found.broken or _kind(container) != "avi") and stream.codec_context.name not in _HIDES:

@@ -156,10 +156,7 @@ def _by_time(pictures: Footage, clip: Footage) -> dict[int, int]:
 
 
 def _only_counts(numbers: tuple[int, ...], clip: Footage) -> bool:
-    """Whether numbers count pictures, from 0 or 1, and are too few or too many to be those of all frames.
-
-    A single number is that of its frame.
-    """
+    """Whether several numbers count pictures, from 0 or 1, and are too few or many for all frames."""
     is_count = len(numbers) > 1 and numbers[0] in (0, 1) and numbers[-1] - numbers[0] + 1 == len(numbers)
     return is_count and not about_as_many(len(numbers), len(clip.frames))
 

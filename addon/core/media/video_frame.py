@@ -144,11 +144,7 @@ def _rgb(frame: VideoFrame, alpha: bool) -> Pixels:
 
 
 def _deep_rgb(frame: VideoFrame, alpha: bool) -> NDArray[np.uint16]:
-    """(H, W, 3 or 4) uint16 of a decoded frame with more than 8 bits, over its whole range.
-
-    By floats: FFmpeg's own conversion to 16 bits leaves white at 65283 of 65535, in PQ a twentieth of the
-    light.
-    """
+    """(H, W, 3 or 4) uint16 of a frame of more than 8 bits; FFmpeg's own leaves white at 65283."""
     if frame.format.is_rgb or len(frame.format.components) < 3:
         name = "rgba64le" if alpha else "rgb48le"
         return np.asarray(frame.to_ndarray(format=name, interpolation="BICUBIC", threads=1), np.uint16)

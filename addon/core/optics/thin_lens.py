@@ -286,10 +286,7 @@ class ThinLens:
 
 
 def _snapped[T: np.floating](contrast: NDArray[T], smallest: T, largest: T) -> NDArray[T]:
-    """Contrasts (any shape) after a soft threshold.
-
-    They are 0 up to the smallest size, unchanged from twice that size, and cut at the largest.
-    """
+    """Contrasts (any shape): 0 up to `smallest`, unchanged from twice that, and cut at `largest`."""
     size = np.abs(contrast)
     kept = np.minimum(np.maximum(2 * (size - smallest), 0), np.minimum(size, largest))
     return np.asarray(np.copysign(kept, contrast))

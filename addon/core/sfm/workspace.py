@@ -147,10 +147,7 @@ def _clip_of(work_dir: Path, state: dict[str, Any], clip: Path | None) -> Path:
 
 
 def _video_of(footage: Path, kept: VideoInfo | None) -> VideoInfo | None:
-    """The video of a state, as far as the file agrees with it: a received solve may be forged.
-
-    A frame has at least a byte, and the size of the first one. UserError if the file cannot be read.
-    """
+    """The video of a state as far as the file, whose solve may be forged, agrees; or UserError."""
     if kept is None or not footage.is_file() or kept.count > footage.stat().st_size:
         return None
     said = kept.width, kept.height, kept.colour_space, kept.view

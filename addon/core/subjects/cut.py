@@ -252,11 +252,7 @@ def _recognised_first(networks: Networks, picture: Bytes, expected: Mask, marked
 
 
 def _recognised_from(networks: Networks, picture: Bytes, expected: Mask, box: Box) -> tuple[Map, float]:
-    """Log-odds (h, w) of the networks, and in [0, 1] how stable they are.
-
-    The crop goes from a box to the figure that the networks find around a mask (h, w). They are stable where
-    the last two crops give the same figure; in texture without a figure they do not.
-    """
+    """Log-odds (h, w) of the networks around a mask, and how stable they are in [0, 1] over two crops."""
     part = expected
     for _ in range(4):
         before = part

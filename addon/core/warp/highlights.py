@@ -131,13 +131,7 @@ class _Outlines:
         return np.asarray(mean - mean.max(axis=1, keepdims=True))
 
     def light(self, posterior: Floats, colour: Floats, ground: Map) -> Map:
-        """Return the linear light (k, 3, h, w) of the patches without clipping.
-
-        Args:
-            posterior: (k, r) logarithm of the probability of radiances.
-            colour: (k, 3) colours, largest channel 1.
-            ground: (k, 3, h, w) background.
-        """
+        """Linear light (k, 3, h, w) without clipping, from log posteriors (k, r), colours and background."""
         posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
         place = posterior @ np.log(RADIANCES) / posterior.sum(axis=1)
         radiance = np.exp(place)
@@ -250,10 +244,7 @@ def _bright(radiance: Floats, colour: Floats, core: Floats) -> Map:
 
 
 def _inside(patches: Patches) -> Map:
-    """Return (k, FINER h, FINER w) depths in pixels inside blobs' outlines, exact from -1 on.
-
-    An outline holds a blob's pixels and parts of those beside it, smoothed, or is its ellipse.
-    """
+    """(k, FINER h, FINER w) depths in pixels inside the outlines of blobs, exact from -1 on."""
     peak, ground = patches.light.max(axis=1), patches.ground.max(axis=1)
     share = np.clip((peak - ground) / np.maximum(1 - ground, 0.05), 0, 1)
     soft = np.where(patches.own, 1.0, np.where(patches.beside, 0.5 * share, 0)).astype(np.float32)

@@ -240,10 +240,7 @@ def _extrapolated(
     sheer: Mask,
     known: Map | None,
 ) -> _Extrapolated:
-    """Extrapolate the surfaces of the nearest silhouettes, up to the distance `away` (H, W) of others.
-
-    Behind `sheer` pixels (H, W) there is no limit; `known` (H, W) is the far surface's disparity, or NaN.
-    """
+    """Extrapolate the surfaces of the nearest silhouettes, up to `away` (H, W) if not behind `sheer`."""
     seeds = np.zeros(disparity.shape, bool)
     near, far = disparity.copy(), disparity.copy()
     if not len(surfaces.row):

@@ -165,10 +165,7 @@ def _visible_margin(past: Map | None, shape: tuple[int, ...]) -> int:
 
 
 def _fill_margin(wide: LinearRGBA, shift: Map, margin: int, past: Map | None, fill: Fill) -> Mask:
-    """Write other frames' colours into the margins of a picture (H, W, 4), and its disparities (H, W).
-
-    Returns known colours (H, W). `past` (h, w) has the same centre, and is not used without colours.
-    """
+    """Write other frames' colours and disparities into the margins; returns the known colours (H, W)."""
     border = np.ones(shift.shape, bool)
     border[margin:-margin, margin:-margin] = False
     known = np.zeros(shift.shape, bool)
@@ -210,11 +207,7 @@ def triangulated(
 def _texture(
     pictures: list[LinearRGBA], fronts: list[LinearRGBA], drawn: list[Mask], memory: ReusedMemory
 ) -> LinearRGBA:
-    """Make the texture (n h, w, 4) of n - 1 fronts and the last of n pictures (H, W, 4), at `FINER`.
-
-    A front is its picture's difference to the next one; interpolated alone it would ring along silhouettes.
-    Fronts are empty away from `drawn` (H, W).
-    """
+    """Texture (n h, w, 4) of n - 1 fronts, as differences to the next picture, and the last picture."""
     height, width = (FINER * n for n in pictures[0].shape[:2])
     texture = memory.zeros((len(pictures), height, width, 4))
     wanted, spans = np.zeros_like(drawn[0]), []
@@ -289,11 +282,7 @@ def _subtract_behind(
 
 
 def _joined(surfaces: list[tuple[Map, Ints, int]], margin: int, focus: float, scale: float) -> WarpMesh:
-    """Join surfaces (disparities (H, W), triangles (T, 3), number of the picture) to one mesh.
-
-    The first is complete. The raster exceeds the canvas by `margin`; inverse depth is (disparity + focus) /
-    scale.
-    """
+    """Join surfaces to one mesh, the first complete; inverse depth is (disparity + focus) / scale."""
     height, width = surfaces[0][0].shape
     xy, texture, inverse, triangles = [], [], [], []
     first = 0

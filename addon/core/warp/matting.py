@@ -197,11 +197,7 @@ class _Sums:
         return np.asarray(self.sums[0])
 
     def means(self, colour: LinearRGB, disparity: Map, otherwise: Map) -> tuple[Floats, Floats, Floats]:
-        """Return means of colours (n, 3) and disparities (n,), and the colours' variance (n,).
-
-        `colour` (n, 3) and `disparity` (n,) are the mixed pixels' own. Without pixels, colour is black and
-        disparity `otherwise` (n,).
-        """
+        """Means of colours (n, 3) and disparities (n,), and variance (n,); black and `otherwise` if empty."""
         some = self.weight > 0
         mean = self.sums[1:].astype(np.float64) / np.where(some, self.weight, 1)
         variance = np.maximum(mean[3] - (mean[:3] ** 2).sum(axis=0), 0)
@@ -229,11 +225,7 @@ def _sums(
     column: Indices,
     bounds: Map,
 ) -> tuple[_Sums, _Sums]:
-    """Sum over pixels in a mask (H, W) around n mixed ones, weighted by distance, for both surfaces.
-
-    The near one's disparities are between the last two of three bounds (3, n), the far one's between the
-    first two.
-    """
+    """Sums weighted by distance around n mixed pixels, for both surfaces between bounds (3, n)."""
     found = np.zeros((2, 6, len(row)), np.float32)
     colours, depths, counts = picture.reshape(-1, picture.shape[2]), disparity.ravel(), among.ravel()
     for first in range(0, len(row), CHUNK):

@@ -190,10 +190,7 @@ def _png_size(path: Path) -> tuple[int, int] | None:
 
 
 def _has_whole_chunks(data: bytes) -> bool:
-    """Whether a PNG is a row of chunks that agree with their own checksums (ISO/IEC 15948), to its very end.
-
-    The decoder takes many a picture whose checksums are wrong.
-    """
+    """Whether the chunks of a PNG agree with their checksums, to its end; decoders take wrong ones."""
     at, kind = len(_PNG), b""
     if data[:at] != _PNG:
         return False

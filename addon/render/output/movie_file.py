@@ -72,11 +72,7 @@ def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
 
 
 def _schedule(scene: bpy.types.Scene, frames: list[int]) -> tuple[list[int], float, Callable[[float], int]]:
-    """The frames of a movie: the clip's frame for each, the rate, and a function of places.
-
-    The function gives the place in the movie of a frame of the scene. The movie begins at the number of the
-    first frame.
-    """
+    """The clip's frame for each of a movie's frames, the rate, and the place in it of a scene's frame."""
     footage, set_rate = shot_of(scene).footage, scene.render.fps / scene.render.fps_base
     rate, first = movie_rate(footage), frames[0]
     video = footage.video

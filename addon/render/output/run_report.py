@@ -54,10 +54,7 @@ class RunReport:
     """The sources of every frame of a run; its `on_frame` is called with each of them."""
 
     def __init__(self, path: Path | None = None, key: str = "", overwrite: bool = False) -> None:
-        """`path` gets an entry a frame, after those of an equal run, which has the same `key`.
-
-        UserError where it holds those of another run, unless `overwrite`.
-        """
+        """Add to `path` after the entries of a run of the same `key`; UserError for another's."""
         self._path, self._key = path, key
         self._used: dict[int, Used] = {}
         self._reports: dict[int, FrameReport] = {}

@@ -168,11 +168,7 @@ class _Sweep:
         return np.dstack([guide, mean, weight, known]).astype(np.float32)
 
     def _planes(self) -> Map:
-        """(k, 3 n, 4) rows of n views' homographies for each level.
-
-        The first row of each view also has whether it sees the plane, and the second row of the first view
-        the level's preference cost.
-        """
+        """(k, 3 n, 4) homographies of n views by level, with whether a view sees the plane, and the cost."""
         width, height = self.size
         planes = np.zeros((len(self.levels), len(self.views), 3, 4), np.float32)
         for n, view in enumerate(self.views):

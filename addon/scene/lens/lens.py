@@ -297,10 +297,7 @@ _last: tuple[tuple[object, ...], float | None] | None = None
 
 
 def _blur_at(settings: bpy.types.PropertyGroup, frame: int) -> float | None:
-    """The blur of the aperture's radius at a frame, with the present focus.
-
-    None without a focus, or with everything in it.
-    """
+    """The blur of the aperture's radius at a frame, with the present focus; None without one."""
     global _last
     if settings.points is None:
         return None

@@ -61,10 +61,7 @@ def begin(work: Path) -> None:
 
 
 def _opened(work: Path) -> Path:
-    """The file that the process opens: the working folder, or a copy of the .blend.
-
-    The copy is needed if the user has set moving pixels, or the clip's colour space: depth depends on both.
-    """
+    """The working folder, or a copy of the .blend with moving pixels or a colour space of the user."""
     settings = bpy.context.scene.virtual_aperture
     if not settings.footage or _folder(settings) != work or settings.points is None:
         return work

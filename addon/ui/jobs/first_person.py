@@ -107,11 +107,7 @@ def _put(settings: bpy.types.PropertyGroup, found: Found) -> None:
 
 
 def _must_wait(settings: bpy.types.PropertyGroup) -> bool:
-    """Return whether the scene must not be changed now.
-
-    An operator of the extension waits for the mouse, Blender renders, or the point cloud is in Edit Mode,
-    whose undo contains the mesh only.
-    """
+    """Whether an operator waits for the mouse, Blender renders, or the cloud is in Edit Mode."""
     windows = bpy.context.window_manager.windows
     modal = (operator.bl_idname for window in windows for operator in window.modal_operators)
     is_operating = any(name.startswith("VIRTUAL_APERTURE_OT_") for name in modal)

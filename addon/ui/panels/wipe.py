@@ -84,10 +84,7 @@ class VIRTUAL_APERTURE_GGT_wipe(bpy.types.GizmoGroup):  # noqa: N801
 
 
 def _line(context: bpy.types.Context) -> tuple[float, float, float] | None:
-    """Position x of the line, and its bottom and top in a viewport's region, in pixels.
-
-    None if the camera's frame is not visible.
-    """
+    """Position x of the line, and its bottom and top, in pixels of the region; None without the camera."""
     frame = camera_frame(context, context.scene)
     if frame is None:
         return None

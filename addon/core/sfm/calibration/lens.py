@@ -264,11 +264,7 @@ class _Fit:
         solution.drop_bad(made)
 
     def sigmas(self, found: Adjusted) -> Floats:
-        """Return the standard deviations (n,) of the common parameters.
-
-        Tracks and parts of the clip each have a common error. Cameron, Gelbach and Miller, "Robust inference
-        with multiway clustering", 2011.
-        """
+        """Standard deviations (n,) of common parameters, with errors by track and by part (Cameron 2011)."""
         block = self.seen.frame * BLOCKS // len(self.posed)
         both = self.seen.point.astype(np.int64) * BLOCKS + block
         one, other, shared = (np.diag(found.covariance(unit)) for unit in (self.seen.point, block, both))
@@ -301,10 +297,7 @@ class _Fit:
         return (terms, found) if terms and found.cost < least and self._agrees(found, terms) else None
 
     def _best(self, start: float, terms: tuple[int, ...]) -> Adjusted:
-        """Adjustment from the solve's focal length, or from `start` if that has diverged.
-
-        Distortion can double the focal length, and the adjustment does not come back.
-        """
+        """Adjustment from the solve's focal length, or from `start` if distortion made that diverge."""
         found = self.adjusted(terms)
         away = float(np.log(start / found.bundle.focal[0]))
         if not self.free_focal or abs(away) < NEAR:
@@ -318,10 +311,7 @@ class _Fit:
         return replace(self, bundle=found.bundle).adjusted(terms, parameters_of(found))
 
     def _kept(self, found: Adjusted, terms: tuple[int, ...]) -> tuple[int, ...]:
-        """Terms that differ significantly from 0.
-
-        A shutter reads rows or columns: only the surer readout is kept.
-        """
+        """Terms that differ significantly from 0; of two readouts only the surer one is kept."""
         sigma = self.sigmas(found)[-len(SIGMA) :]
         times = np.abs(parameters_of(found)) / np.maximum(sigma, 1e-12)
         kept = [term for term in terms if times[term] > SIGMAS]

@@ -87,10 +87,7 @@ def _weight(error: Floats, loss: float) -> Floats:
 
 
 def _slopes(x: Floats, y: Floats, weight: Floats, group: Ints, count: int) -> tuple[Floats, Floats]:
-    """Slope and offset (count, 2) of y (m, 2) = slope (2,) x (m,) + offset (2,), in groups.
-
-    Weighted least squares.
-    """
+    """Weighted least-squares slopes and offsets (count, 2) of y (m, 2) over x (m,), by group."""
     known = weight > 0
     x, y, weight, group = x[known], y[known], weight[known], group[known]
     total = np.maximum(np.bincount(group, weight, count), 1e-12)

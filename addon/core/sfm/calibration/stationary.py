@@ -90,10 +90,7 @@ def depth_evidence(made: Solution) -> DepthEvidence | None:
 
 
 def _compared(cameras: tuple[Bundle, Bundle, Bundle], span: LongTracks, long_side: int) -> DepthEvidence:
-    """Evidence from the residuals of the turning camera, the moving one and the solve, for the same tracks.
-
-    `long_side` is the picture's, in pixels, and is the residual behind a camera.
-    """
+    """Evidence from residuals of the turning camera, the moving one and the solve, for the same tracks."""
     seen, tracks = span.seen, len(span.tracks)
     errors = [np.nan_to_num(np.linalg.norm(each.residuals(seen), axis=1), nan=long_side) for each in cameras]
     views = np.bincount(seen.point, minlength=tracks)

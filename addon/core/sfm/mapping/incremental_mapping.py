@@ -238,10 +238,7 @@ class _Keyframes:
     progress: Progress
 
     def zoom_or_not(self, tracks: Tracks) -> tuple[_Found, Floats | None]:
-        """Solve the keyframes; also returns the zoom (F,) if the lens zooms.
-
-        An unannounced change of focal length leaves much unexplained; a given focal length does not change.
-        """
+        """Solve the keyframes; also returns the zoom (F,), if the lens zooms unannounced."""
         found = None if self.prior.zooms else self._solution(tracks)
         if found is not None and not found.searched and found.explained < GOOD_EXPLAINED:
             found = self.with_lens(found)
@@ -283,10 +280,7 @@ class _Keyframes:
         return self_calibration.halves_disagree(found.solution)
 
     def _solution(self, tracks: Tracks, bends: bool = True) -> _Found:
-        """The best solution of all methods; UserError without any.
-
-        With `bends`, the lens may bend where that alone can save the solution.
-        """
+        """The best solution of all methods, or UserError; with `bends` the lens may bend to save it."""
         found: list[_Found] = []
         good, focal = GOOD_EXPLAINED, self.start
 

@@ -175,14 +175,7 @@ class _Epipolar:
         return {image.frame: image for image in self.cameras.images}
 
     def miss(self, offset: int = 0, focal: float = 1.0) -> float:
-        """Return the median residual in pixels of a 1,000-pixel frame.
-
-        It is NaN with too few pairs that have poses.
-
-        Args:
-            offset: Frame f has the pose of f + offset.
-            focal: Factor of focal lengths.
-        """
+        """Median residual (px of 1,000) with frame f at the pose of f + offset; NaN for too few pairs."""
         found = []
         for pair in self.pairs:
             one, other = (self._images.get(self.tracks.frames[index] + offset) for index in (pair.i, pair.j))

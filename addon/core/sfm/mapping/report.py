@@ -237,10 +237,7 @@ def _advice(
     weak: list[int],
     estimated: bool,
 ) -> tuple[str, tuple[Remedy, ...]]:
-    """The one thing that would help most, and where to set it.
-
-    `wrong` is a reprojection error that cannot be; `estimated` whether the clip shows no depth.
-    """
+    """The one thing that would help most, and where to set it; a `wrong` error cannot be true."""
     if wrong is not None:
         return (
             f"renders will be wrong: these cameras miss the clip by {wrong:.0f} px (another take or lens?)",

@@ -152,10 +152,7 @@ class _Sights:
         self._centres = np.array([image.centre for image in images])
 
     def candidates(self, index: int) -> tuple[Ints, Ints]:
-        """Return points (n,) that project into a frame unobserved, and the frame (n,) with the nearest view.
-
-        It is the last frame before or the first one after, with the smaller angle.
-        """
+        """Unobserved points (n,) that project into a frame, and the frame (n,) with the nearest view."""
         reconstruction = self._reconstruction
         image = reconstruction.images[index]
         close = (self._last >= 0) & (index - self._last <= REACH)
@@ -190,10 +187,7 @@ class _Sights:
 
 
 def _has_neighbours(reconstruction: Reconstruction, image: Image, rows: Ints) -> Mask:
-    """(n,) which points have `MIN_NEIGHBOURS` observed ones around them at their depth.
-
-    Counted in cells of the picture and of inverse depth, which takes no more time than there are points.
-    """
+    """(n,) whether a point has `MIN_NEIGHBOURS` observed ones around it at its depth, counted in cells."""
     camera = reconstruction.intrinsics(image)
     observed, ahead = seen_by(image, reconstruction, image.points)
     if not ahead.any():
@@ -249,10 +243,7 @@ def _looks(
 
 
 def _alike(patches: NDArray[np.floating], looks: Map) -> Mask:
-    """(n,) which patches (n, p) are found in looks (n, q), a pixel wider on each side, at any whole shift.
-
-    As a whole, or one half of them very well: beside a silhouette the other half is of something else.
-    """
+    """(n,) whether patches (n, p), or one half of them very well, are found in looks (n, q) at a shift."""
     side = 2 * RADIUS + 1
     wide = looks.reshape(-1, side + 2, side + 2) - MIDGREY
     seen = sliding_window_view(wide, (side, side), (1, 2)).reshape(len(looks), 9, side * side)

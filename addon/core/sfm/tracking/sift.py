@@ -133,10 +133,7 @@ class Matcher:
         return now.numbers, now.places
 
     def _agreeing(self, known: _Known, places: Places, cell: int) -> Mask:
-        """(m,) which matches fit the motion from the frame where their track was last seen.
-
-        That frame's other tracks, as far as they are found too, help to know the motion.
-        """
+        """(m,) which matches fit the motion from the frame where their track was last seen."""
         good = np.zeros(len(places), bool)
         age = self._index - known.seen
         for each in np.unique(age):
