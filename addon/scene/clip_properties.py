@@ -3,14 +3,7 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import (
-    BoolProperty,
-    EnumProperty,
-    FloatProperty,
-    IntProperty,
-    PointerProperty,
-    StringProperty,
-)
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from .lens_properties import aperture_changed
 from .sources import colour_space
@@ -117,8 +110,5 @@ class ClipProperties:
     clip_first: IntProperty(name="First Frame", description="First solved frame", options={"HIDDEN"})
     clip_last: IntProperty(name="Last Frame", description="Last solved frame", options={"HIDDEN"})
     clip_step: IntProperty(
-        name="Frame Step",
-        description="Step from one solved frame to the next",
-        default=1,
-        options={"HIDDEN"},
+        name="Frame Step", description="Step from one solved frame to the next", default=1, options={"HIDDEN"}
     )

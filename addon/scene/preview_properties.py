@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import (
-    BoolProperty,
-    EnumProperty,
-    FloatProperty,
-)
+from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from .base import redraw
 from .solve import point_cloud

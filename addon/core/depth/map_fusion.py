@@ -106,10 +106,7 @@ KEPT_FRAMES = 2 * FusionOptions.sides + 2
 
 
 def fused(
-    inverse: Map,
-    weight: Map,
-    nearest: Map | None = None,
-    level: float | None = None,
+    inverse: Map, weight: Map, nearest: Map | None = None, level: float | None = None
 ) -> tuple[Map, Map, float]:
     """Fuse inverse depths of several frames.
 

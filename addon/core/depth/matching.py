@@ -63,11 +63,7 @@ Matcher = Callable[[Bytes, Sequence[View], Floats, Map, Map], Winners]
 
 
 def matched_levels(
-    picture: Bytes,
-    views: Sequence[View],
-    levels: Floats,
-    features: Features,
-    matcher: Matcher,
+    picture: Bytes, views: Sequence[View], levels: Floats, features: Features, matcher: Matcher
 ) -> tuple[Map, Map]:
     """Return the depth level (h, w) of each pixel and its confidence (h, w), without regard to parallax.
 

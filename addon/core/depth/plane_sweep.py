@@ -128,11 +128,7 @@ def sweep(reference: Bytes, views: Sequence[View], levels: Floats, guide: Map) -
 
 
 def _mismatch(
-    reference: Bytes,
-    views: Sequence[View],
-    inverse: float,
-    gather: Callable[[Map], Map],
-    room: Bytes,
+    reference: Bytes, views: Sequence[View], inverse: float, gather: Callable[[Map], Map], room: Bytes
 ) -> Costs:
     """(h, w) gathered mismatch with the neighbours of the better side, `UNSEEN` where none sees all of it."""
     height, width = reference.shape[:2]

@@ -37,9 +37,7 @@ class Subject:
 
 
 def with_subjects(
-    static: DenseDepth,
-    picture: Bytes,
-    subjects: Sequence[tuple[Mask, float | None]],
+    static: DenseDepth, picture: Bytes, subjects: Sequence[tuple[Mask, float | None]]
 ) -> DenseDepth:
     """Give each moving pixel of a frame the depth of its subject.
 

@@ -96,10 +96,7 @@ def nearest_views(reconstruction: Reconstruction, image: Image, count: int | Non
 
 
 def parallaxes(
-    image: Image,
-    camera: Intrinsics,
-    others: Iterable[tuple[Image, Intrinsics]],
-    span: tuple[float, float],
+    image: Image, camera: Intrinsics, others: Iterable[tuple[Image, Intrinsics]], span: tuple[float, float]
 ) -> list[tuple[Image, float]]:
     """Find the frames that can be source views of a frame with a pinhole, among others with theirs.
 
@@ -144,11 +141,7 @@ def select_source_views(
 
 
 def _parallax(
-    image: Image,
-    other: Image,
-    camera: Intrinsics,
-    rays: Floats,
-    span: tuple[float, float],
+    image: Image, other: Image, camera: Intrinsics, rays: Floats, span: tuple[float, float]
 ) -> float | None:
     """Median parallax (px) of rays (n, 3) over a span of inverse depths; None for too small an overlap."""
     rotation, translation = relative_pose(image, other)

@@ -25,13 +25,7 @@ from ..optics.thin_lens import ThinLens
 from ..subjects.flow import grid, warped
 from ..subjects.pictures import ClipPictures
 
-KINDS = {
-    "same": "Same as Here",
-    "nearer": "Nearer",
-    "farther": "Farther",
-    "sharp": "Sharp",
-    "soft": "Soft",
-}
+KINDS = {"same": "Same as Here", "nearer": "Nearer", "farther": "Farther", "sharp": "Sharp", "soft": "Soft"}
 """Kinds of repairs, and their names for users."""
 SURE = 0.3
 """Least certainty of flow, from the painted frame on, at which a pixel is still the painted one. Chosen by

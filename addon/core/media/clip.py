@@ -22,14 +22,7 @@ from .colour_space import SRGB
 from .exr_parts import read_header
 from .frame_table import DEFAULT_RATE
 from .picture_file import PICTURES, Pixels, read_picture
-from .sequence import (
-    LAST_FRAME,
-    clip_files,
-    frames_of,
-    is_pattern,
-    name_numbers,
-    pattern_numbers,
-)
+from .sequence import LAST_FRAME, clip_files, frames_of, is_pattern, name_numbers, pattern_numbers
 from .video import VideoReader, video_info
 from .video_info import VideoInfo
 

@@ -232,13 +232,7 @@ def _distance_along_surface(disparity: Map, others: Mask, jump: float) -> Map:
 
 
 def _extrapolated(
-    disparity: Map,
-    surfaces: Surfaces,
-    jump: float,
-    least: float,
-    away: Map,
-    sheer: Mask,
-    known: Map | None,
+    disparity: Map, surfaces: Surfaces, jump: float, least: float, away: Map, sheer: Mask, known: Map | None
 ) -> _Extrapolated:
     """Extrapolate the surfaces of the nearest silhouettes, up to `away` (H, W) if not behind `sheer`."""
     seeds = np.zeros(disparity.shape, bool)

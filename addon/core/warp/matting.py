@@ -165,12 +165,7 @@ def parted(colour: LinearRGB, alpha: Map, far: Floats | LinearRGB) -> tuple[Line
 
 
 def _thin(
-    picture: LinearRGBA,
-    disparity: Map,
-    row: Indices,
-    column: Indices,
-    near: Floats,
-    jump: float,
+    picture: LinearRGBA, disparity: Map, row: Indices, column: Indices, near: Floats, jump: float
 ) -> tuple[Floats, Floats, Floats]:
     """Return mean colour (n, 3), variance (n,) and number of pixels (n,) along thin objects."""
     offset = np.arange(-THIN_RADIUS, THIN_RADIUS + 1)
@@ -218,12 +213,7 @@ def _extremes(disparity: Map, row: Indices, column: Indices) -> tuple[Map, Map]:
 
 
 def _sums(
-    picture: LinearRGBA,
-    disparity: Map,
-    among: Mask,
-    row: Indices,
-    column: Indices,
-    bounds: Map,
+    picture: LinearRGBA, disparity: Map, among: Mask, row: Indices, column: Indices, bounds: Map
 ) -> tuple[_Sums, _Sums]:
     """Sums weighted by distance around n mixed pixels, for both surfaces between bounds (3, n)."""
     found = np.zeros((2, 6, len(row)), np.float32)

@@ -57,9 +57,7 @@ REACH = 60
 
 
 def visible_points(
-    reconstruction: Reconstruction,
-    footage: Footage,
-    progress: Progress = lambda stage, done, total: None,
+    reconstruction: Reconstruction, footage: Footage, progress: Progress = lambda stage, done, total: None
 ) -> dict[int, Ints]:
     """Find the visible points of registered frames besides their observed ones.
 

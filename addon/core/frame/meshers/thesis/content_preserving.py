@@ -47,11 +47,7 @@ OUTLIER_NEIGHBOURS = 8
 
 
 def grid_mesh(
-    features: DepthSamples,
-    weights: Floats,
-    canvas: Canvas,
-    margin: float,
-    flat: float,
+    features: DepthSamples, weights: Floats, canvas: Canvas, margin: float, flat: float
 ) -> WarpMesh:
     """Make the grid over the canvas and `margin` pixels past its border, two triangles a cell.
 

@@ -63,11 +63,7 @@ class Rows:
 
 
 def edge_mesh(
-    features: DepthSamples,
-    canvas: Canvas,
-    margin: float,
-    picture: LinearRGBA,
-    scale: float,
+    features: DepthSamples, canvas: Canvas, margin: float, picture: LinearRGBA, scale: float
 ) -> WarpMesh:
     """Make the mesh of features and edges, extrapolated past the border by `margin` pixels.
 
@@ -101,13 +97,7 @@ def detected(picture: LinearRGBA) -> Floats:
     return ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= SHORTEST]
 
 
-def edge_rows(
-    edges: Floats,
-    xy: Floats,
-    inverse: Floats,
-    size: tuple[int, int],
-    scale: float,
-) -> Rows:
+def edge_rows(edges: Floats, xy: Floats, inverse: Floats, size: tuple[int, int], scale: float) -> Rows:
     """Make rows of vertices along edges (m, 2, 2) near which depth varies, two at depth jumps.
 
     Features at (n, 2) with inverse depths (n,) give the depth of either side, or the mean of both. `size` is
@@ -233,13 +223,7 @@ def _nearest(places: Floats, xy: Floats, count: int) -> Ints:
 
 
 def _side_depth(
-    place: Floats,
-    along: Floats,
-    across: Floats,
-    walls: Ints,
-    edge: Ints,
-    xy: Floats,
-    inverse: Floats,
+    place: Floats, along: Floats, across: Floats, walls: Ints, edge: Ints, xy: Floats, inverse: Floats
 ) -> Floats:
     """Return (v,) median inverse depths of unoccluded features on one side of an edge, or NaN."""
     off = xy - place[:, None]
