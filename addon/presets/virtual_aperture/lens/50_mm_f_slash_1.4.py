@@ -2,26 +2,10 @@ import bpy
 
 # Wide open: the blades do not show, the barrel cuts discs in the corners.
 settings = bpy.context.scene.virtual_aperture
+settings.property_unset("shape")
 shape = settings.shape
-
-shape.blades = 0
-shape.rotation = 0.0
-shape.roundness = 0.0
-shape.ratio = 1.0
-shape.obstruction = 0.0
-shape.apodisation = 0.0
 shape.spherical_aberration = 0.1
 shape.vignetting = 0.4
-shape.axial_colour = 0.0
-shape.swirl = 0.0
-shape.field_curvature = 0.0
-shape.coma = 0.0
-shape.anamorphic_focus = 0.0
-shape.lateral_colour = 0.0
-shape.matte_box_sides = 0.0
-shape.matte_box_top = 0.0
-shape.breathing = 0.0
-shape.image = ""
 settings.highlights = 1.0
 # Beyond all distances, focused at 2 m: f^2 / (N (s - f)) of a full frame's 36 mm.
 settings.blur = 0.0254

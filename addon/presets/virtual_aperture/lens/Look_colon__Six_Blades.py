@@ -2,24 +2,7 @@ import bpy
 
 # Straight edges, a corner upwards. The amount of blur stays.
 settings = bpy.context.scene.virtual_aperture
+settings.property_unset("shape")
 shape = settings.shape
-
 shape.blades = 6
-shape.rotation = 0.0
-shape.roundness = 0.0
-shape.ratio = 1.0
-shape.obstruction = 0.0
-shape.apodisation = 0.0
-shape.spherical_aberration = 0.0
-shape.vignetting = 0.0
-shape.axial_colour = 0.0
-shape.swirl = 0.0
-shape.field_curvature = 0.0
-shape.coma = 0.0
-shape.anamorphic_focus = 0.0
-shape.lateral_colour = 0.0
-shape.matte_box_sides = 0.0
-shape.matte_box_top = 0.0
-shape.breathing = 0.0
-shape.image = ""
 settings.highlights = 1.0
