@@ -294,6 +294,3 @@ def check_shape(shot: Shot, frame: int, size: tuple[int, int]) -> None:
     """Raise UserError where the render has not the shape of the clip's frame, which would be stretched."""
     if problem := shape_problem(size, shot.size(frame)):
         raise UserError(problem)
-
-
-CLASSES = (VirtualApertureEngine,)

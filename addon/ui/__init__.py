@@ -19,6 +19,7 @@ from ..scene.gpu import main_thread
 from ..scene.sources import clip, shot
 from . import panels
 from .base import solving
+from .base.operators import classes_of
 from .focus import (
     bokeh,
     focus_list,
@@ -47,37 +48,20 @@ LEFT = 2.0
 """Seconds for our processes to end when the extension is disabled; then they are killed."""
 
 CLASSES = (
-    *engine.CLASSES,
-    *preferences.CLASSES,
-    *choose_clip.CLASSES,
-    *depth_ahead.CLASSES,
-    *solve.CLASSES,
-    *movie.CLASSES,
-    *render_clip.CLASSES,
-    *export.CLASSES,
-    *grade_nodes.CLASSES,
-    *quit_question.CLASSES,
-    *find_clip.CLASSES,
-    *restore.CLASSES,
-    *photos.CLASSES,
-    *pick_vertices.CLASSES,
-    *focus_list.CLASSES,
-    *focus_strip.CLASSES,
-    *pick_focus.CLASSES,
-    *pick_subject.CLASSES,
-    *paint_repair.CLASSES,
-    *subjects.CLASSES,
-    *repair_list.CLASSES,
-    *import_solve.CLASSES,
-    *file_import.CLASSES,
-    *lens_presets.CLASSES,
-    *lens_camera.CLASSES,
-    *set_scale.CLASSES,
-    *report_list.CLASSES,
-    *live_preview.CLASSES,
-    *wipe.CLASSES,
+    engine.VirtualApertureEngine,
+    *classes_of(
+        preferences, choose_clip, depth_ahead, solve, movie, render_clip, export, grade_nodes, quit_question,
+        find_clip, restore, photos, pick_vertices, focus_list, focus_strip, pick_focus, pick_subject,
+        paint_repair, subjects, repair_list, import_solve, file_import, lens_presets, lens_camera, set_scale,
+        report_list, live_preview, wipe,
+    ),
     *panels.CLASSES,
-)
+)  # fmt: skip
+FIRST = engine_panels, file_import, lens_presets, paths, file_handlers, exr, focus_sync, thumbnails, bokeh
+# The CG objects' preview after what ends the preview where another file is opened, which may wait for the
+# process.
+THEN = background, frame_notes, frames_ahead, cg_process, viewport, cg_preview
+LAST = quit_question, depth_ahead, first_person
 
 
 def register() -> None:
@@ -88,61 +72,34 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     user_preferences.apply()
-    engine_panels.register()
-    file_import.register()
-    lens_presets.register()
-    paths.register()
-    file_handlers.register()
-    exr.register()
-    focus_sync.register()
-    thumbnails.register()
-    bokeh.register()
+    for module in FIRST:
+        module.register()
     overlay.show(focus_strip.draw)
-    background.register()
-    frame_notes.register()
-    frames_ahead.register()
-    cg_process.register()
-    viewport.register()
-    # After what ends the preview where another file is opened, which may wait for the process.
-    cg_preview.register()
+    for module in THEN:
+        module.register()
     # After what takes overlays away from the preview's picture: the points are drawn over that.
     overlay.show(points_overlay.draw, "POST_VIEW")
     overlay.show(solve_view.draw)
-    quit_question.register()
-    depth_ahead.register()
-    first_person.register()
+    for module in LAST:
+        module.register()
     main_thread.start()
 
 
 def unregister() -> None:
     """Undo `register` in reverse order, end what is under way, and close the open clip."""
     solving.end_solve()
-    quit_question.unregister()
-    movie.unregister()
-    export.unregister()
+    for module in (movie, export, *reversed(LAST)):
+        module.unregister()
     for draw in (solve_view.draw, focus_strip.draw, points_overlay.draw):
         overlay.hide(draw)
-    viewport.unregister()
-    cg_preview.unregister()
-    cg_process.unregister()
-    frames_ahead.unregister()
-    frame_notes.unregister()
+    for module in reversed(THEN):
+        module.unregister()
     main_thread.stop()
-    first_person.unregister()
-    depth_ahead.unregister()
     # The timer that looked after them is gone.
     end_all(LEFT)
-    focus_sync.unregister()
-    exr.unregister()
-    file_handlers.unregister()
-    paths.unregister()
-    background.unregister()
-    lens_presets.unregister()
-    file_import.unregister()
-    engine_panels.unregister()
+    for module in reversed(FIRST):
+        module.unregister()
     clip.forget()
-    thumbnails.unregister()
-    bokeh.unregister()
     shot.forget()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import bpy
@@ -20,6 +21,20 @@ Result = set[str]
 NO_CAMERA = "The camera was deleted; Restore Objects, under Details, brings it back"
 LOOK = 0.1
 """Seconds between two looks at another process."""
+
+
+def classes_of(*modules: ModuleType) -> tuple[Any, ...]:
+    """Return the classes that modules define for Blender, in the order of their definitions."""
+    return tuple(
+        each for module in modules for each in vars(module).values()
+        if isinstance(each, type) and issubclass(each, bpy.types.bpy_struct)
+        and each.__module__ == module.__name__
+    )  # fmt: skip
+
+
+def polls(*conditions: Callable[[Any, bpy.types.Context], bool]) -> Any:
+    """Return an operator's `poll` of conditions, which are asked in order."""
+    return classmethod(lambda cls, context: all(condition(cls, context) for condition in conditions))
 
 
 def may_change(cls: Any, context: bpy.types.Context) -> bool:
@@ -56,7 +71,7 @@ def is_met(cls: Any, condition: object, message: str) -> bool:
     return bool(condition)
 
 
-def is_idle(cls: Any) -> bool:
+def is_idle(cls: Any, _context: bpy.types.Context) -> bool:
     """Poll: no clip is being solved."""
     return is_met(cls, running_solve() is None, "A clip is being solved; ESC cancels it")
 

@@ -233,14 +233,3 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         yours = "edited" if lens.has_keys(settings, "focus_distance") else "deleted"
         box.label(text=f"Focus distance keyframes were {yours}", icon="INFO")
         box.operator(VIRTUAL_APERTURE_OT_write_focus_marks.bl_idname)
-
-
-CLASSES = (
-    VIRTUAL_APERTURE_UL_focus_marks,
-    VIRTUAL_APERTURE_OT_hold_focus,
-    VIRTUAL_APERTURE_OT_remove_focus_mark,
-    VIRTUAL_APERTURE_OT_move_focus_mark,
-    VIRTUAL_APERTURE_OT_jump_to_focus_mark,
-    VIRTUAL_APERTURE_OT_jump_to_unseen,
-    VIRTUAL_APERTURE_OT_write_focus_marks,
-)

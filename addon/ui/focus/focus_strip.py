@@ -308,10 +308,3 @@ def _text(text: str, middle: float, bottom: float, colour: tuple[float, ...], sc
     blf.color(0, *colour)
     blf.position(0, middle - blf.dimensions(0, text)[0] / 2, bottom, 0)
     blf.draw(0, text)
-
-
-CLASSES = (
-    VIRTUAL_APERTURE_OT_drag_focus_mark,
-    VIRTUAL_APERTURE_GT_focus_strip,
-    VIRTUAL_APERTURE_GGT_focus_strip,
-)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...scene.lens import lens_camera
-from ..base.operators import Result, has_focus, may_change, reported
+from ..base.operators import Result, has_focus, may_change, polls, reported
 
 
 class VIRTUAL_APERTURE_OT_add_lens_camera(bpy.types.Operator):  # noqa: N801
@@ -16,15 +16,10 @@ class VIRTUAL_APERTURE_OT_add_lens_camera(bpy.types.Operator):  # noqa: N801
     bl_label = "Add Cycles Camera"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return may_change(cls, context) and has_focus(cls, context)
+    poll = polls(may_change, has_focus)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         camera = lens_camera.add_lens_camera(context.scene)
         self.report({"INFO"}, f"{camera.name} has the lens in the scene's frames; render with Cycles")
         return {"FINISHED"}
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_add_lens_camera,)

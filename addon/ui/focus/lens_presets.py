@@ -17,7 +17,7 @@ from ...core.base.errors import UserError
 from ...core.frame.options import APERTURE_OPTIONS
 from ...scene.base.paths import absolute
 from ...scene.lens import aperture_cloud, depth_of_field
-from ..base.operators import Result, may_change, reported
+from ..base.operators import Result, may_change, polls, reported
 from . import bokeh
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,9 +38,7 @@ class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
 
     filepath: bpy.props.StringProperty(name="Preset", subtype="FILE_PATH", options={"SKIP_SAVE"})
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return may_change(cls, context)
+    poll = polls(may_change)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -142,10 +140,3 @@ def register() -> None:
 def unregister() -> None:
     """Undo `register`."""
     bpy.utils.unregister_preset_path(str(ROOT))
-
-
-CLASSES = (
-    VIRTUAL_APERTURE_OT_use_lens_preset,
-    VIRTUAL_APERTURE_OT_add_lens_preset,
-    VIRTUAL_APERTURE_PT_lens_presets,
-)

@@ -37,6 +37,3 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         )  # fmt: skip
         remove = paint_repair.VIRTUAL_APERTURE_OT_remove_repair.bl_idname
         row.operator(remove, text="", icon="REMOVE")
-
-
-CLASSES = (VIRTUAL_APERTURE_UL_repairs,)

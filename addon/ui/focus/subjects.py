@@ -208,12 +208,3 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         line.label(text=f"Uncertain in {counted(len(unsure), 'frame')}", icon="QUESTION")
         jump = line.operator(VIRTUAL_APERTURE_OT_jump_to_frame.bl_idname, text="", icon="FRAME_NEXT")
         jump.frame = next_of(unsure, clip_frame(context.scene))
-
-
-CLASSES = (
-    VIRTUAL_APERTURE_UL_subjects,
-    VIRTUAL_APERTURE_OT_focus_subject,
-    VIRTUAL_APERTURE_OT_follow_nearest,
-    VIRTUAL_APERTURE_OT_carry_subject,
-    VIRTUAL_APERTURE_OT_remove_subject,
-)

@@ -9,7 +9,7 @@ import bpy
 from ...core.base.errors import UserError
 from ...core.media.picture_file import PICTURES
 from ...core.media.sequence import pattern_of
-from ..base.operators import Result, may_change, reported
+from ..base.operators import Result, may_change, polls, reported
 
 
 class ShowsClips:
@@ -34,9 +34,7 @@ class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, bpy.types.Operator):  # noqa: 
         options={"SKIP_SAVE"},
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return may_change(cls, context)
+    poll = polls(may_change)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         if not self.filepath:
@@ -83,6 +81,3 @@ def relative(path: str) -> str:
         return str(bpy.path.relpath(path))
     except ValueError:
         return path
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_choose_clip,)

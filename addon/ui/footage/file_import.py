@@ -202,11 +202,3 @@ def register() -> None:
 def unregister() -> None:
     """Undo `register`."""
     bpy.types.TOPBAR_MT_file_import.remove(_draw_menu)
-
-
-CLASSES = (
-    VIRTUAL_APERTURE_OT_import_clip,
-    VIRTUAL_APERTURE_OT_drop_model,
-    VIRTUAL_APERTURE_FH_clip,
-    VIRTUAL_APERTURE_FH_model,
-)

@@ -12,7 +12,7 @@ from ...core.media.find_clip import is_clip
 from ...core.media.sequence import is_pattern
 from ...scene.base.paths import absolute
 from ...scene.build import move_clip
-from ..base.operators import Result, has_solve, may_change, reported
+from ..base.operators import Result, has_solve, may_change, polls, reported
 from .choose_clip import ShowsClips
 
 
@@ -28,9 +28,7 @@ class VIRTUAL_APERTURE_OT_find_clip(ShowsClips, bpy.types.Operator):  # noqa: N8
         options={"SKIP_SAVE"},
     )  # fmt: skip
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return may_change(cls, context) and has_solve(cls, context)
+    poll = polls(may_change, has_solve)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         if self.filepath:
@@ -64,6 +62,3 @@ def _meant(chosen: Path, name: str) -> list[Path]:
     if is_pattern(chosen.parent / name):
         return [chosen.parent / name, chosen / name, chosen, chosen.parent]
     return [chosen, chosen.parent]
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_find_clip,)

@@ -15,7 +15,7 @@ from ...core.sfm.workspace import SolveThereError, check_import, keep_import
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.movieclip import read_movie_clip
 from ...scene.sources.scene_camera import cameras_of, read_scene_camera
-from ..base.operators import Result, has_clip, is_idle, is_met, may_change, refused, reported
+from ..base.operators import Result, has_clip, is_idle, is_met, may_change, polls, refused, reported
 from ..jobs import depth_ahead
 from .solve import Solves, build_scene, focus_on_person, report_hidden, solved_words
 
@@ -145,9 +145,7 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
         default="*.bin;*.txt;*.out;*.nvm;*.json;*.npz;*.r3d;*.csv", options={"HIDDEN"}
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return may_change(cls, context) and is_idle(cls)
+    poll = polls(may_change, is_idle)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if self.again and self.filepath:
@@ -271,7 +269,7 @@ class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa:
         message = "The scene has no other camera; import or animate one first"
         return (
             may_change(cls, context)
-            and is_idle(cls)
+            and is_idle(cls, context)
             and has_clip(cls, context)
             and is_met(cls, cameras_of(context.scene), message)
         )
@@ -301,11 +299,3 @@ class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa:
         bpy.ops.virtual_aperture.use_scene_camera(
             "INVOKE_DEFAULT", camera=self.camera, offset=self.offset, again=True
         )
-
-
-CLASSES = (
-    VIRTUAL_APERTURE_OT_find_points,
-    VIRTUAL_APERTURE_OT_import_solve,
-    VIRTUAL_APERTURE_OT_import_movie_clip,
-    VIRTUAL_APERTURE_OT_use_scene_camera,
-)

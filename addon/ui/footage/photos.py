@@ -56,6 +56,3 @@ class VIRTUAL_APERTURE_OT_show_photo(bpy.types.Operator):  # noqa: N801
     def execute(self, context: bpy.types.Context) -> Result:
         go_to(context.scene, int(self.photo))
         return {"FINISHED"}
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_show_photo,)

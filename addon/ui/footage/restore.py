@@ -50,6 +50,3 @@ def _footage(settings: bpy.types.PropertyGroup) -> Footage | None:
         return open_footage(solved_clip_path(settings), stills=is_stills)
     except UserError:
         return None
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_restore_objects,)

@@ -28,7 +28,7 @@ from ...scene.focus.refocus import keep_focus, restore_focus
 from ...scene.lens import aperture_cloud
 from ...scene.lens.lens import focal_of
 from ...scene.sources.clip import footage_path, work_dir
-from ..base.operators import LOOK, Result, has_clip, is_idle, may_change, reported
+from ..base.operators import LOOK, Result, has_clip, is_idle, may_change, polls, reported
 from ..base.solving import Solving
 from ..jobs import depth_ahead, first_person
 from . import after_solve
@@ -268,9 +268,7 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
 
     _asks = False
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return is_idle(cls) and may_change(cls, context) and has_clip(cls, context)
+    poll = polls(is_idle, may_change, has_clip)
 
     def solved_clip(self, settings: Any) -> tuple[Path, str]:
         return footage_path(settings), settings.work_dir
@@ -296,6 +294,3 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
             )  # fmt: skip
             return answer
         return reported(VIRTUAL_APERTURE_OT_solve.solve_meanwhile)(self, context)
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_solve,)

@@ -20,6 +20,7 @@ from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.colour_space import REC_709, working_space
 from ...scene.sources.shot import reconstruction_of
 from ...scene.sources.subjects import marked_of
+from ..base.operators import has_solve, is_met, reported
 from ..base.text import progress_row
 
 LOOK = 0.5
@@ -173,26 +174,16 @@ class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.virtual_aperture
-        if settings.points is None:
-            cls.poll_message_set("Solve the clip first")
-            return False
-        found = of(settings)
-        if found is not None and found.is_running:
-            cls.poll_message_set("Depth is being found")
-            return False
-        return True
+        found = of(context.scene.virtual_aperture)
+        is_free = found is None or not found.is_running
+        return has_solve(cls, context) and is_met(cls, is_free, "Depth is being found")
 
+    @reported
     def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = context.scene.virtual_aperture
-        try:
-            folder = _folder(settings)
-            if not (folder / STATE).exists():
-                raise UserError(f"{folder} holds no solve to keep depth with; solve the clip")
-            begin(folder)
-        except UserError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        folder = _folder(context.scene.virtual_aperture)
+        if not (folder / STATE).exists():
+            raise UserError(f"{folder} holds no solve to keep depth with; solve the clip")
+        begin(folder)
         return {"FINISHED"}
 
 
@@ -204,10 +195,8 @@ class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        if _ahead is not None and _ahead.is_running:
-            return True
-        cls.poll_message_set("Depth is not being found")
-        return False
+        is_running = _ahead is not None and _ahead.is_running
+        return is_met(cls, is_running, "Depth is not being found")
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         pause()
@@ -250,6 +239,3 @@ def unregister() -> None:
         bpy.app.timers.unregister(_tick)
     bpy.app.handlers.load_pre.remove(_on_leave)
     bpy.app.handlers.load_post.remove(_on_open)
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_find_depth, VIRTUAL_APERTURE_OT_pause_depth)

@@ -188,6 +188,3 @@ def unregister() -> None:
     _export = None
     with contextlib.suppress(ValueError):
         bpy.app.timers.unregister(_tick)
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_export, VIRTUAL_APERTURE_OT_cancel_export)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...scene.grade_nodes import add_grade_nodes
-from ..base.operators import Result, has_solve, may_change
+from ..base.operators import Result, has_solve, may_change, polls
 
 
 class VIRTUAL_APERTURE_OT_add_grade_nodes(bpy.types.Operator):  # noqa: N801
@@ -16,14 +16,9 @@ class VIRTUAL_APERTURE_OT_add_grade_nodes(bpy.types.Operator):  # noqa: N801
     bl_label = "Add Grade Nodes"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return may_change(cls, context) and has_solve(cls, context)
+    poll = polls(may_change, has_solve)
 
     def execute(self, context: bpy.types.Context) -> Result:
         node = add_grade_nodes(context.scene, context.view_layer)
         self.report({"INFO"}, f"{node.node_tree.name} is in the compositor")
         return {"FINISHED"}
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_add_grade_nodes,)

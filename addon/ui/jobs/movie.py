@@ -22,6 +22,7 @@ from ...render.processes.launcher import start
 from ...scene.base.paths import absolute
 from ...scene.base.timeline import clip_frame
 from ...scene.sources.clip import footage_path
+from ..base.operators import is_met
 from ..base.text import progress_row
 
 ENDING = "_render"
@@ -136,9 +137,7 @@ class VIRTUAL_APERTURE_OT_cancel_movie(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        if under_way() is None:
-            cls.poll_message_set("No movie is being rendered")
-        return under_way() is not None
+        return is_met(cls, under_way() is not None, "No movie is being rendered")
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         unregister()
@@ -152,6 +151,3 @@ def unregister() -> None:
     if _movie is not None:
         _movie.leave(_movie.clear)
     _movie = None
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_cancel_movie,)

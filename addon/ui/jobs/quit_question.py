@@ -79,6 +79,3 @@ def unregister() -> None:
         keymap.keymap_items.remove(item)
     for shown in (bpy.types.STATUSBAR_HT_header, bpy.types.TOPBAR_MT_file):
         shown.remove(_draw)
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_close_blender,)

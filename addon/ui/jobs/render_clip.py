@@ -22,6 +22,7 @@ from ..base.operators import (
     has_solve,
     is_met,
     may_change,
+    polls,
     refused,
     reported,
 )
@@ -62,9 +63,7 @@ class VIRTUAL_APERTURE_OT_use_clip_size(bpy.types.Operator):  # noqa: N801
     bl_label = "Use Clip Size"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return may_change(cls, context) and has_solve(cls, context)
+    poll = polls(may_change, has_solve)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -78,9 +77,7 @@ class _Render:
 
     animation = False
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return can_render(cls, context)
+    poll = polls(can_render)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -196,10 +193,3 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
             return {"CANCELLED"}
         self.report({"INFO"}, f"Wrote {self._movie.out}")
         return {"FINISHED"}
-
-
-CLASSES = (
-    VIRTUAL_APERTURE_OT_render_frame,
-    VIRTUAL_APERTURE_OT_render_clip,
-    VIRTUAL_APERTURE_OT_use_clip_size,
-)

@@ -52,6 +52,3 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         jump.frame = next_of(note.frames, clip_frame(context.scene))
     if len(notes) > LONGEST:
         box.label(text=f"and {len(notes) - LONGEST} more, in the Info editor")
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_jump_to_frame,)

@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
+from ..base.operators import classes_of
 from . import clip, focus, lens, main, notices, preview, render, solve
 
-CLASSES = (
-    *main.CLASSES,
-    *notices.CLASSES,
-    *clip.CLASSES,
-    *solve.CLASSES,
-    *focus.CLASSES,
-    *lens.CLASSES,
-    *preview.CLASSES,
-    *render.CLASSES,
-)
+CLASSES = classes_of(main, notices, clip, solve, focus, lens, preview, render)

@@ -50,6 +50,3 @@ class VIRTUAL_APERTURE_PT_import(ClosedPanel, bpy.types.Panel):  # noqa: N801
             # Disabled, with the reason.
             layout.operator(movie_clip, icon="TRACKING")
         layout.operator(import_solve.VIRTUAL_APERTURE_OT_use_scene_camera.bl_idname, icon="CAMERA_DATA")
-
-
-CLASSES = (VIRTUAL_APERTURE_PT_clip, VIRTUAL_APERTURE_PT_import)

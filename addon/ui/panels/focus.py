@@ -55,30 +55,6 @@ def _draw_points(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, 
     picked.operator(pick_vertices.VIRTUAL_APERTURE_OT_clear_focus.bl_idname, text="", icon="X")
 
 
-class VIRTUAL_APERTURE_PT_subjects(ClosedPanel, bpy.types.Panel):  # noqa: N801
-    bl_label = "Subjects"
-    bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        subjects.draw(split(self.layout), context)
-
-
-class VIRTUAL_APERTURE_PT_tilt(ClosedPanel, bpy.types.Panel):  # noqa: N801
-    bl_label = "Tilted Focal Plane"
-    bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        settings = context.scene.virtual_aperture
-        layout = split(self.layout, with_keys=True)
-        by_points = len(settings.focus_points) > 0 and settings.focus_by == "POINTS"
-        column = layout.column(align=True)
-        if by_points:
-            column.prop(settings, "focus_through_points")
-        if not (by_points and settings.focus_through_points):
-            column.prop(settings, "focus_tilt")
-            column.prop(settings, "focus_swing")
-
-
 class VIRTUAL_APERTURE_PT_zone(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_label = "In-Focus Zone"
     bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
@@ -102,10 +78,25 @@ class VIRTUAL_APERTURE_PT_repair(ClosedPanel, bpy.types.Panel):  # noqa: N801
         repair_list.draw(split(self.layout), context)
 
 
-CLASSES = (
-    VIRTUAL_APERTURE_PT_focus,
-    VIRTUAL_APERTURE_PT_zone,
-    VIRTUAL_APERTURE_PT_repair,
-    VIRTUAL_APERTURE_PT_subjects,
-    VIRTUAL_APERTURE_PT_tilt,
-)
+class VIRTUAL_APERTURE_PT_subjects(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Subjects"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        subjects.draw(split(self.layout), context)
+
+
+class VIRTUAL_APERTURE_PT_tilt(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Tilted Focal Plane"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = split(self.layout, with_keys=True)
+        by_points = len(settings.focus_points) > 0 and settings.focus_by == "POINTS"
+        column = layout.column(align=True)
+        if by_points:
+            column.prop(settings, "focus_through_points")
+        if not (by_points and settings.focus_through_points):
+            column.prop(settings, "focus_tilt")
+            column.prop(settings, "focus_swing")

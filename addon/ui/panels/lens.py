@@ -128,12 +128,3 @@ class VIRTUAL_APERTURE_PT_highlights(ClosedPanel, bpy.types.Panel):  # noqa: N80
         column.active = settings.restore_highlights
         column.prop(settings, "highlight_boost", text="Boost")
         column.prop(settings, "highlight_threshold")
-
-
-CLASSES = (
-    VIRTUAL_APERTURE_PT_lens,
-    VIRTUAL_APERTURE_PT_scale,
-    VIRTUAL_APERTURE_PT_shape,
-    VIRTUAL_APERTURE_PT_aberrations,
-    VIRTUAL_APERTURE_PT_highlights,
-)

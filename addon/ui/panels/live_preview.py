@@ -61,6 +61,3 @@ def is_shown(context: bpy.types.Context) -> bool:
         and space.region_3d.view_perspective == "CAMERA"
         and context.scene.render.engine == VirtualApertureEngine.bl_idname
     )
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_preview,)

@@ -178,6 +178,3 @@ def draw_subject(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
     row.prop(settings, "subject_metres", text="")
     row.label(text="m away")
     column.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname)
-
-
-CLASSES = (VIRTUAL_APERTURE_PT_main,)

@@ -170,6 +170,3 @@ class VIRTUAL_APERTURE_PT_details(bpy.types.Panel):  # noqa: N801
             for line in each.lines:
                 wrapped(box, context, line, icon=each.icon, units=WIDE)
             each.draw_way_out(box)
-
-
-CLASSES = (VIRTUAL_APERTURE_PT_details,)

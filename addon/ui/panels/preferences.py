@@ -123,6 +123,3 @@ def shown_size(settings: bpy.types.PropertyGroup) -> int:
 def size_words(size: int) -> str:
     """Return a number of bytes in words."""
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.1f} MB"
-
-
-CLASSES = (VIRTUAL_APERTURE_preferences, VIRTUAL_APERTURE_OT_delete_depth)

@@ -21,6 +21,3 @@ class VIRTUAL_APERTURE_PT_preview(ClosedPanel, bpy.types.Panel):  # noqa: N801
         row = layout.row()
         row.active = settings.points is not None
         row.prop(settings, "show_points")
-
-
-CLASSES = (VIRTUAL_APERTURE_PT_preview,)

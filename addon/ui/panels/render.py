@@ -95,11 +95,3 @@ class VIRTUAL_APERTURE_PT_cg(ClosedPanel, bpy.types.Panel):  # noqa: N801
         layout.prop(render, "use_motion_blur")
         if render.use_motion_blur:
             layout.prop(render, "motion_blur_shutter")
-
-
-CLASSES = (
-    VIRTUAL_APERTURE_PT_render,
-    VIRTUAL_APERTURE_PT_passes,
-    VIRTUAL_APERTURE_PT_method,
-    VIRTUAL_APERTURE_PT_cg,
-)

@@ -91,6 +91,3 @@ def _line(context: bpy.types.Context) -> tuple[float, float, float] | None:
     left, bottom, width, height = frame
     x = left + context.scene.virtual_aperture.viewport_wipe * width
     return x, max(bottom, 0.0), min(bottom + height, float(context.region.height))
-
-
-CLASSES = (VIRTUAL_APERTURE_GT_wipe, VIRTUAL_APERTURE_GGT_wipe)

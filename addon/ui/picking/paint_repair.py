@@ -162,6 +162,3 @@ class VIRTUAL_APERTURE_OT_remove_repair(bpy.types.Operator):  # noqa: N801
         repairs.remove_repair(settings, settings.repairs.active)
         self.report({"INFO"}, said)
         return {"FINISHED"}
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_paint_repair, VIRTUAL_APERTURE_OT_remove_repair)

@@ -99,6 +99,3 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
         if here is None and not self.add and len(settings.marks.items) == 1:
             return settings.marks.items[0]
         return here
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_pick_focus,)

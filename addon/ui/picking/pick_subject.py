@@ -248,6 +248,3 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         frames = sorted({stroke.frame for stroke in drawn[-1]})
         self.report({"INFO"}, f"{self._name} is marked at frame {', '.join(map(str, frames))}")
         return {"FINISHED"}
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_pick_subject,)

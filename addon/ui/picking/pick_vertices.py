@@ -120,6 +120,3 @@ def selected_points(points: bpy.types.Object) -> list[int]:
     # Attribute arrays are empty while a mesh is edited: the IDs are in the edit mesh's own layer.
     layer = vertices.layers.int[ID_ATTRIBUTE]
     return [vertex[layer] for vertex in vertices if vertex.select]
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_set_focus, VIRTUAL_APERTURE_OT_clear_focus)

@@ -110,6 +110,3 @@ def length_between(clip: ClipContext, ends: Sequence[Place]) -> float:
     if not length > 0:
         raise UserError("both ends are in the same place; click two places a known distance apart")
     return length
-
-
-CLASSES = (VIRTUAL_APERTURE_OT_set_scale,)
