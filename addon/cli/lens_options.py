@@ -26,8 +26,7 @@ NEEDED = "focus_is_needed"
 """Attribute of parsed options: whether a focus must be given."""
 DEFAULT_BLUR = 0.03
 MOST_BLUR = 0.5
-"""Image widths; larger discs are more than layers can be made for (`layered_mesh.WIDEST` on either
-side)."""
+"""Image widths; larger discs are more than layers can be made for (`layered_mesh.WIDEST` on either side)."""
 
 
 def add_lens(command: argparse.ArgumentParser, required: bool) -> None:

@@ -19,11 +19,7 @@ Focal = float | Callable[[int, int], float]
 
 
 def in_pixels(focal: Focal, width: int, height: int) -> float:
-    """Return a focal length in pixels for a clip of this size.
-
-    Raises:
-        UserError: No lens has it.
-    """
+    """Return a focal length in pixels for a clip of this size; UserError where no lens has it."""
     pixels = _positive("focal length", focal(width, height) if callable(focal) else focal, "pixels")
     if not is_plausible(pixels, width, height):
         equivalent = pixels / math.hypot(width, height) * DIAGONAL_35

@@ -40,8 +40,7 @@ STEEPEST = 1.0
 """Depth over width of a line of contact, 45 degrees at most: a lifted paw seems to be on the ground far
 behind. With 1.7 an animal's depth is off by up to 0.3 from single frames, with this by 0.02."""
 LEAST_WIDTH = 0.5
-"""Share of an object's width along which it must touch the ground for its sides to be at different
-depths."""
+"""Share of an object's width along which it must touch the ground for its sides to be at different depths."""
 FOOT = 4
 """Pixels below an object's lower outline, past `GAP`, in which what it stands on is seen. Chosen by
 inspection."""

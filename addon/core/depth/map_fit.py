@@ -57,10 +57,7 @@ MEDIAN_SQUARE = 0.455
 
 @dataclass(frozen=True)
 class ClipFit:
-    """The common fit of a clip's maps.
-
-    u = (d - centre) / span stands for the stored value d.
-    """
+    """The common fit of a clip's maps. u = (d - centre) / span stands for the stored value d."""
 
     kind: str
     """Kind of the maps, one of `KINDS`."""

@@ -1,7 +1,4 @@
-"""The user's own depth maps, read from files or made by a network.
-
-`map_fit` finds their kind and unit.
-"""
+"""The user's own depth maps, read from files or made by a network. `map_fit` finds their kind and unit."""
 
 from __future__ import annotations
 

@@ -155,11 +155,7 @@ def _decode_all(path: Path) -> VideoInfo:
 
 
 def first_frame(path: Path) -> FirstFrame:
-    """Decode the first frame of a video.
-
-    Raises:
-        UserError: if it cannot be decoded.
-    """
+    """Decode the first frame of a video; UserError if it cannot be decoded."""
     container, stream = open_video(path)
     with container:
         for frame in _decoded(container, stream):

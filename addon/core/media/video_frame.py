@@ -101,10 +101,7 @@ def cropping(stream: VideoStream) -> tuple[int, int, int, int]:
 
 
 def has_alpha(frame: VideoFrame, stream: VideoStream) -> bool:
-    """Return whether a frame has transparency.
-
-    The fourth byte of uncompressed RGB in AVI is padding.
-    """
+    """Return whether a frame has transparency. The fourth byte of uncompressed RGB in AVI is padding."""
     is_padding = stream.codec_context.name == "rawvideo" and stream.container.format.name == "avi"
     return any(component.is_alpha for component in frame.format.components) and not is_padding
 

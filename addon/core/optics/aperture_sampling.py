@@ -116,10 +116,6 @@ def views_needed(blur: float, prefiltered: bool) -> int:
 
 
 def check_count(count: int) -> None:
-    """Check a number of positions.
-
-    Raises:
-        UserError: It is out of range.
-    """
+    """Check a number of positions; UserError if it is out of range."""
     if count < 1:
         raise UserError(f"the number of views is {count}; it must be at least 1")

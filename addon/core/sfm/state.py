@@ -28,11 +28,7 @@ class UnusableStateError(UserError):
 
 
 def read_state(work_dir: Path) -> dict[str, Any] | None:
-    """Return the content of `solve.json`; None without it.
-
-    Raises:
-        UnusableStateError: It cannot be used.
-    """
+    """Return the content of `solve.json`, None without it; UnusableStateError if it cannot be used."""
     path = work_dir / STATE
     try:
         text = read_regular(path, LONGEST).decode()
@@ -70,10 +66,7 @@ def is_state_file(path: Path) -> bool:
 
 
 def write_state(path: Path, state: dict[str, Any]) -> None:
-    """Write `solve.json` with its own digest, durably: a later change is noticed.
-
-    Raises OSError.
-    """
+    """Write `solve.json` with its own digest, durably: a later change is noticed. Raises OSError."""
     as_read = json.loads(json.dumps(state))
     path.write_text(json.dumps(as_read | {DIGEST: _digest(as_read)}, indent=1), encoding="utf-8")
     atomic.sync(path)

@@ -194,11 +194,7 @@ def recorded_clip(work_dir: Path) -> Path | None:
 
 
 def is_solved(work_dir: Path, footage: Footage, options: dict[str, Any]) -> bool:
-    """Return whether the folder holds this very solve.
-
-    Raises:
-        UserError: It holds something else.
-    """
+    """Return whether the folder holds this very solve; UserError if it holds something else."""
     state = _state_of(work_dir, footage)
     if state is None:
         return False

@@ -53,11 +53,7 @@ def seal(path: Path) -> None:
 
 
 def key_of(path: Path) -> str | None:
-    """Return the key in a picture's metadata; None without one.
-
-    Raises:
-        UserError: It is not a file.
-    """
+    """Return the key in a picture's metadata, None without one; UserError if it is not a file."""
     try:
         with open_regular(path) as file:
             found = _NOTE.search(file.read(HEADER))

@@ -98,11 +98,7 @@ def claimed(out: Path) -> AbstractContextManager[None]:
 
 
 def check_folder(folder: Path) -> None:
-    """Check that a folder can be written, or made.
-
-    Raises:
-        UserError: It cannot.
-    """
+    """Check that a folder can be written, or made; UserError if it cannot."""
     # A link that leads nowhere, or in a circle, is there, too.
     above = next(p for p in [folder, *folder.parents] if os.path.lexists(p))
     if not above.is_dir():

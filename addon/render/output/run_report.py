@@ -26,11 +26,7 @@ JOB = "specificationVersion"
 
 
 def check_report(path: Path, overwrite: bool) -> None:
-    """Check a file of reports before any work.
-
-    Raises:
-        UserError: It cannot be one.
-    """
+    """Check a file of reports before any work; UserError if it cannot be one."""
     if path.suffix.lower() != ".json":
         raise UserError(f"{path.name} is not a report file; end it in .json")
     check_file(path)
@@ -145,11 +141,7 @@ class Inspector:
 
 
 def write_picture(path: Path, picture: Shown) -> None:
-    """Write a PNG of (H, W, 3) sRGB.
-
-    Raises:
-        UserError: It cannot be written.
-    """
+    """Write a PNG of (H, W, 3) sRGB; UserError if it cannot be written."""
     done, data = cv2.imencode(".png", picture[..., ::-1])
     assert done
     replaced(path, lambda part: part.write_bytes(data.tobytes()))

@@ -102,10 +102,7 @@ SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
 
 
 def gpu_problem() -> str:
-    """Return the reason why there is no GPU context, or "".
-
-    Starts the context in background mode.
-    """
+    """Return the reason why there is no GPU context, or "". Starts the context in background mode."""
     problem = egl_problem()
     if problem:
         return problem

@@ -43,11 +43,7 @@ def scene_time(scene: bpy.types.Scene, frame: int) -> tuple[int, float]:
 
 
 def go_to(scene: bpy.types.Scene, frame: int) -> None:
-    """Have the scene show a frame of the clip.
-
-    Raises:
-        UserError: Blender has no such frame.
-    """
+    """Have the scene show a frame of the clip; UserError if Blender has no such frame."""
     whole, subframe = scene_time(scene, frame)
     scene.frame_set(whole, subframe=subframe)
     if clip_frame(scene) != frame:

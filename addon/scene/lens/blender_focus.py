@@ -66,11 +66,7 @@ def focus_object(settings: bpy.types.PropertyGroup) -> bpy.types.Object | None:
 
 
 def check(settings: bpy.types.PropertyGroup) -> None:
-    """Check that the camera's focus object lies ahead.
-
-    Raises:
-        UserError: It does not.
-    """
+    """Check that the camera's focus object lies ahead; UserError if it does not."""
     thing, away = focus_object(settings), distance(settings)
     if thing is not None and away is not None and not away > 0:
         raise UserError(

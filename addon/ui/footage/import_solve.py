@@ -87,11 +87,7 @@ class Import:
 
 
 def find_points(found: Imported, clip: Path) -> Result:
-    """Find the points of a clip with known cameras; ESC cancels.
-
-    Raises:
-        UserError: It fails.
-    """
+    """Find the points of a clip with known cameras, with ESC to cancel; UserError if it fails."""
     VIRTUAL_APERTURE_OT_find_points.wanted = found, clip
     try:
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"

@@ -44,11 +44,7 @@ def is_kept(settings: Any) -> bool:
 
 
 def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[Solve, str]:
-    """Build the solve of a working folder into a scene.
-
-    Returns:
-        The solve, and a note on its focus, or "".
-    """
+    """Build the solve of a working folder into a scene; return it, and a note on its focus, or ""."""
     solve = load_solve(folder, footage.path)
     kept = keep_focus(scene.virtual_aperture, footage.path)
     points = scene.virtual_aperture.points

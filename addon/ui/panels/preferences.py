@@ -99,11 +99,7 @@ class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
 
 
 def depth_folder(settings: bpy.types.PropertyGroup) -> Path:
-    """Return the folder of the chosen clip's depth.
-
-    Raises:
-        UserError: No clip is chosen.
-    """
+    """Return the folder of the chosen clip's depth; UserError if no clip is chosen."""
     return work_dir(settings, footage_path(settings)) / KEPT_DEPTH
 
 

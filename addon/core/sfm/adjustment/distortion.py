@@ -22,10 +22,7 @@ LIMITS = np.array([0.2, 0.2, 0.5, 0.5, 1.0, 1.0])
 
 @dataclass(frozen=True)
 class Distortion:
-    """Distortion and readout of all frames of a clip.
-
-    Places are pixels from the middle of the picture.
-    """
+    """Distortion and readout of all frames of a clip. Places are pixels from the middle of the picture."""
 
     parameters: Floats
     """(6,) principal point x, y in half diagonals; k1, k2: a place at m half diagonals from it is seen at m

@@ -74,11 +74,7 @@ def check_motion(tracks: Tracks) -> float:
 
 
 def refuse_cuts(tracks: Tracks) -> None:
-    """Check that a clip has no cuts.
-
-    Raises:
-        UserError: It has; the message lists the shots.
-    """
+    """Check that a clip has no cuts; UserError, which lists the shots, if it has."""
     starts = [0, *cuts(tracks), len(tracks.frames)]
     if len(starts) > 2 and len(tracks.frames) <= PHOTOS * (len(starts) - 2):
         raise UserError(

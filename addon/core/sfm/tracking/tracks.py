@@ -118,11 +118,7 @@ def match_features(footage: Footage, progress: Progress) -> Tracks:
 
 
 def check_shape(footage: Footage) -> None:
-    """Check the shape of a clip's pictures.
-
-    Raises:
-        UserError: They are too small or too long for features.
-    """
+    """Check the shape of a clip's pictures; UserError if too small or too long for features."""
     width, height = footage.width, footage.height
     long_side, short_side = LONG_SIDE, SHORT_SIDE
     if min(width, height) * min(1.0, long_side / max(width, height)) < short_side:
