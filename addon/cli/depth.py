@@ -58,8 +58,7 @@ def depth(options: argparse.Namespace) -> None:
 
 
 FEWEST_JUMPS = 3
-"""Least number of jumps of moving objects that is reported: one may come into view and leave. Chosen by
-inspection."""
+"""Least jumps of moving objects that are reported: one may come into view and leave. Chosen by inspection."""
 WORDED = " (--subject X,Y)"
 """Name of this remedy in the interface."""
 WHOLE = argparse.Namespace(mask=None, subject=None, colour_space=None, frames=None, jobs=None, child=False)

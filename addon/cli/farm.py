@@ -45,8 +45,7 @@ CHUNKS = 1024
 """The most values that Open Job Description lets a task parameter list."""
 FRAMES = "frames/######.png"
 BLEND, LENS, REPAIR = "scene.blend", "lens.json", "repair.json"
-"""Files of the bundle: the scene that is rendered, and until there is one the options and repairs of its
-lens."""
+"""Files of the bundle: the scene, and until there is one the options and repairs of its lens."""
 
 
 def add_commands(

@@ -53,8 +53,7 @@ class Intrinsics:
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Rotation vector in radians by which the camera turns from this frame to the next, in its own axes."""
     largest_turn: float = 0.0
-    """Largest such turn of the clip, in radians. The margin of all its canvases is for this one, so that they
-    have one size."""
+    """Largest such turn of the clip, in radians: its margin gives all canvases of the clip one size."""
     readout: tuple[float, float] = (0.0, 0.0)
     """Time in which a rolling shutter reads the picture's width and its height, of the time from a frame to
     the next; positive where what is farther right or down is read later."""

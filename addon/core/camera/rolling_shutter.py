@@ -11,8 +11,7 @@ from ..base.arrays import Floats, Indices
 from .distortion import Stage
 
 READINGS = 20
-"""Repetitions at most, by which the time at which a ray is read is found; a turn of 3 degrees within a
-reading takes 8."""
+"""Most repetitions to find the time at which a ray is read; a turn of 3 degrees in a reading takes 8."""
 SETTLED = 1e-10
 """Change of normalised coordinates at which it is found."""
 

@@ -25,8 +25,7 @@ less and moves that are meant take more. Chosen by inspection."""
 LONGEST = 3000.0
 """Frames of the longest such period: beyond it the normal equations lose their last digits."""
 MOST_ZOOM = 1.25
-"""By which the picture is enlarged at most, so that its border stays outside: editors crop as much. Chosen by
-inspection."""
+"""Largest enlargement that keeps the border outside: editors crop as much. Chosen by inspection."""
 MOST_PARALLAX = 0.03
 """Change of the parallax between near and far things, as a share of the picture's width: the background it
 uncovers was mostly seen by frames around. Chosen by inspection."""

@@ -15,8 +15,7 @@ from ..base.arrays import Floats, Map, Mask
 from ..camera.intrinsics import Intrinsics
 
 BESIDE = 0.5
-"""Width of the area around an object's lowest part that is searched for ground, as a share of its larger
-side."""
+"""Width, as a share of an object's larger side, of the area around its lowest part searched for ground."""
 ABOVE = 0.15
 """The same upwards: ground behind feet."""
 BELOW = 0.3
@@ -42,8 +41,7 @@ behind. With 1.7 an animal's depth is off by up to 0.3 from single frames, with 
 LEAST_WIDTH = 0.5
 """Share of an object's width along which it must touch the ground for its sides to be at different depths."""
 FOOT = 4
-"""Pixels below an object's lower outline, past `GAP`, in which what it stands on is seen. Chosen by
-inspection."""
+"""Pixels below an object's outline, past `GAP`, that show what it stands on. Chosen by inspection."""
 SEEN_THROUGH = 0.5
 """Share of the pixels below an object that may lie behind a ground, by twice `TOLERANCE`: ground hides things
 behind it. The low, wide rail of the bench's fence is a plane that leans by any angle, and was sometimes the
@@ -96,8 +94,7 @@ class Contact:
     column: float
     """x / z of the middle of the object."""
     slope: float
-    """Slope of the line of contact: distance along the ground away from the camera over distance to the
-    right."""
+    """Slope of the line of contact: distance along the ground away from the camera over that to the right."""
 
     def inverse_depth(self, slope: float, ground: Plane) -> float:
         """Return 1 / z of the ground below the object's middle, on a line through the place with a slope."""

@@ -10,11 +10,9 @@ from ..base.arrays import Floats, LinearRGBA
 from ..base.progress import checkpoint
 
 COLOUR_DISTANCE = 0.04
-"""Distance of colours (display values, 0 to 1) that counts as much as a small picture's pixel. Chosen by
-inspection."""
+"""Distance of colours (display values in [0, 1]) worth a small picture's pixel. Chosen by inspection."""
 DISCONTINUITY = 0.03
-"""Share of the largest inverse depth; where neighbours differ by more, none is a mean. Chosen by
-inspection."""
+"""Share of the largest inverse depth beyond which neighbours have no mean. Chosen by inspection."""
 
 
 def upsampled(depth: NDArray[np.floating], picture: LinearRGBA) -> Floats:

@@ -15,8 +15,7 @@ from .sparse import DepthSamples
 SURE = 0.1
 """Confidence in [0, 1] from which on a pixel's depth is known: chosen by inspection."""
 FAINTEST = 0.04
-"""Opacity up to which a pixel of a matte is empty: the noise of JPEG around white things. Chosen by
-inspection."""
+"""Opacity up to which a matte's pixel is empty: JPEG's noise around white things. Chosen by inspection."""
 NO_PICTURE: LinearRGBA = np.zeros((0, 0, 4), np.float32)
 """Instead of a picture, where only the geometry is asked for."""
 

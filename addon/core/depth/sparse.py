@@ -11,11 +11,9 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction, seen_by
 
 MAX_REPROJECTION_ERROR = 3.0
-"""Pixels; a feature that misses its own 3D point by more was tracked wrongly in this frame. Chosen by
-inspection."""
+"""Pixels by which a feature that was tracked wrongly misses its 3D point. Chosen by inspection."""
 FEWEST_POINTS = 8
-"""Least feature points of a frame that determine a range of depths, or the fit of a map. Chosen by
-inspection."""
+"""Least feature points of a frame for a range of depths, or the fit of a map. Chosen by inspection."""
 COLUMNS = 100
 """Samples of dense depth across the picture, for coarse meshes. Chosen by inspection."""
 

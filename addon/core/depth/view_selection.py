@@ -19,11 +19,9 @@ SPREAD = 16
 
 
 LEAST_DEPTH_RATIO = 0.1
-"""A place whose depth shrinks below this share on the way to a frame is out of its sight. Chosen by
-inspection."""
+"""Least share of its depth that a place keeps on the way to a frame that sees it. Chosen by inspection."""
 FRAME_PENALTY = 0.005
-"""How much worse a frame is for each frame of distance in time, in logarithms of its parallax. Chosen by
-inspection."""
+"""Penalty for each frame of distance in time, in logarithms of parallax. Chosen by inspection."""
 LEAST_OVERLAP = 0.5
 """Share of the picture that a source view has to see. Chosen by inspection."""
 

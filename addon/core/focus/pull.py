@@ -20,8 +20,7 @@ class FocusMark:
 
     frame: int
     places: tuple[Place, ...]
-    """One or more; of several, which may have been picked in other frames, the mean of their inverse depths
-    is in focus."""
+    """One or more, perhaps picked in other frames; the mean of their inverse depths is in focus."""
     easing: str = "SMOOTH"
     """How focus goes to this mark from the one before, a key of `EASINGS`."""
     pull: int = 0

@@ -14,8 +14,7 @@ from .focus import FEWEST_IN_PLANE, Focus
 from .place import Place
 
 NEAR = 0.006
-"""Share of the picture's width within which a point's new place lies: 4 pixels of 640. Chosen by
-inspection."""
+"""Share of the picture's width around a point's new place: 4 pixels of 640. Chosen by inspection."""
 UNLIKE = 0.2
 """Relative difference of inverse depths, scales brought together, above which a place close by is another
 surface, past a silhouette."""

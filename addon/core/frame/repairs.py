@@ -28,8 +28,7 @@ from ..subjects.pictures import ClipPictures
 KINDS = {"same": "Same as Here", "nearer": "Nearer", "farther": "Farther", "sharp": "Sharp", "soft": "Soft"}
 """Kinds of repairs, and their names for users."""
 SURE = 0.3
-"""Least certainty of flow, from the painted frame on, at which a pixel is still the painted one. Chosen by
-inspection."""
+"""Least certainty of flow at which a pixel is still the painted one. Chosen by inspection."""
 LEAST_LEFT = 1 / 3
 """Share of the painted pixels that a frame must show; with fewer, flow has lost them."""
 REFERENCE = 0.012

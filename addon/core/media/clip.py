@@ -78,8 +78,7 @@ class Footage:
     files: tuple[Path, ...] = ()
     """One per frame; empty for a video."""
     numbers: tuple[int, ...] = ()
-    """Numbers in the files' names, one per frame, where Blender cannot address them; empty where they are
-    `frames`."""
+    """Numbers in the files' names where Blender cannot address them; empty where they are `frames`."""
     video: VideoInfo | None = None
     """Properties of a video: the times of its frames and its sound, and damage."""
     beside: str = ""

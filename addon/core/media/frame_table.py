@@ -34,8 +34,7 @@ _WHOLE = ("matroska", "mov")
 _HIDES = ("vp8", "vp9")
 """Codecs some of whose packets are never shown, only referred to."""
 NEAR = 0.6
-"""Share of the median frame interval within which a broken packet belongs to a shown frame; a field lies at a
-half."""
+"""Share of the median frame interval from a shown frame to its broken packet; a field lies at a half."""
 SHORT = 0.1
 """Seconds by which a container may promise more than it holds: some count a packet of sound more, ASF its
 preroll, and FLV's writers round."""

@@ -16,8 +16,7 @@ from ..base.arrays import Floats, Map
 from .aperture import Aperture
 
 COMA_LENGTH = 3.0
-"""Ratio of the length of a comet to the term's coefficient: its largest circle is centred at 2 and has a
-radius of 1."""
+"""Ratio of a comet's length to the coefficient: its largest circle is centred at 2, with radius 1."""
 
 
 @dataclass(frozen=True)

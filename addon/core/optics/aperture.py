@@ -30,8 +30,7 @@ LEAST_LIGHT = 1e-3
 MOST_LOST = 0.99
 """Largest share of light that apodisation removes at the rim; 1 would be a smaller aperture."""
 MOST_AXIAL = 0.5
-"""Largest share by which colours may focus apart: at 1, red and blue would be focused at infinity. Chosen by
-inspection."""
+"""Largest share by which colours focus apart: at 1, red and blue focus at infinity. Chosen by inspection."""
 MOST_BENT = 2.0
 """Largest aberrations: discs in the corners are three times as long as wide. Chosen by inspection."""
 MOST_LATERAL = 0.05

@@ -13,8 +13,7 @@ MIN_VIEWS, MAX_VIEWS = 16, 512
 """Bounds of the automatic number of views: fewer show as copies of highlights, more look alike. Chosen by
 inspection."""
 LEAST_PREFILTERED = 8
-"""Least automatic number with a prefiltered texture, where highlights have no copies. Chosen by
-inspection."""
+"""Least automatic number for a prefiltered texture, which shows no copies. Chosen by inspection."""
 MOST_VIEWS = 4096
 """Most views that a user can set: eight times the number from which results look alike. Chosen by
 inspection."""

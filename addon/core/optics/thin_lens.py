@@ -26,8 +26,7 @@ ACCEPTABLE = 1500
 MAX_BLUR = 16.0
 """Picture diagonals; a larger disc dissolves its object. Chosen by inspection."""
 MAX_RADIUS = 100.0
-"""Focus distances; with a larger aperture radius the focal plane is nearly in the lens. Chosen by
-inspection."""
+"""Focus distances; with a larger radius the focal plane is nearly in the lens. Chosen by inspection."""
 NEAREST_LINE = 2.0
 """Aperture radii, at which a tilted focal plane may come to the middle of the lens; at 1 it would touch the
 aperture, and blur discs there would have no end. Chosen by inspection."""

@@ -25,8 +25,7 @@ FORMAT = "VisualSFM NVM"
 NUMBERS = 10
 """Numbers of a camera after its name: focal length, quaternion, centre, radial distortion and 0."""
 NEGATIVE = 0.05
-"""Largest share of negative coordinates in absolute pixels; relative to the principal point it is about half.
-"""
+"""Largest share of negative coordinates in absolute pixels; relative to the centre it is about half."""
 MISS = 0.05
 """Largest median reprojection error as a share of the picture's width; a wrong clip has more. Chosen by
 inspection of imported models."""

@@ -23,8 +23,7 @@ OUTSIDE = -4.0
 CROP = 1.35
 """Side of the networks' crop, relative to the subject's."""
 MISSED = 0.02
-"""Share of a subject. A missed part of at least this size is given to the networks again, in a crop around
-it."""
+"""Least share of a subject that is given to the networks again, in a crop around it."""
 BODY_OVERLAP = 0.5
 """Intersection over union from which on a person that is detected is the subject."""
 PRESENCE = 0.5

@@ -20,8 +20,7 @@ STILL = 0.2
 """Density of feature points on a subject, relative to its surroundings, from which the subject stands still.
 In 13 clips moving people and animals have at most 0.05, a waiting man 0.37 and a sitting cat 0.68."""
 INSET, AROUND = 5, 61
-"""Pixels across the erosion of a subject whose feature points count, and across the dilation that gives its
-surroundings."""
+"""Pixels across a subject's erosion, whose points count, and its dilation, for the surroundings."""
 LEAST_POINTS = 8
 """Feature points within a subject from which on they give its distance."""
 FEET = 0.1

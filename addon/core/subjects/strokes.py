@@ -15,8 +15,7 @@ from ..base.arrays import Mask
 from ..base.errors import UserError
 
 BESIDE = 0.1
-"""Distance of a stroke from the subject that it is to correct, over the long side: an arm that is missing.
-Not measured."""
+"""Distance of a stroke from the subject it corrects, over the long side: a missing arm. Not measured."""
 
 
 @dataclass(frozen=True)

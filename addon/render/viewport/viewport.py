@@ -62,8 +62,7 @@ class Shown:
     """and of the frame as it was shot, which is seen up to the share `wipe` of the width."""
     wipe: float = 0.0
     frame: Rectangle | None = None
-    """Left, bottom, width and height of the clip's picture in the region, in pixels; None where it is not
-    seen."""
+    """Left, bottom, width and height of the clip's picture in pixels of the region; None if not seen."""
     said: str = ""
     """The message over it,"""
     level: str = ""

@@ -14,8 +14,7 @@ import numpy as np
 from ...base.arrays import Floats, Ints, Mask
 
 SIGMA = np.array([0.03, 0.03, 0.1, 0.05, 0.5, 0.5])
-"""Standard deviations of `Distortion.parameters` before any picture is seen. Chosen by inspection, and
-wide."""
+"""Standard deviations of `Distortion.parameters` a priori. Chosen by inspection, and wide."""
 LIMITS = np.array([0.2, 0.2, 0.5, 0.5, 1.0, 1.0])
 """Largest magnitudes of them: a frame is read before the next one is, and past the others no lens is one."""
 

@@ -42,8 +42,7 @@ class Solution:
     largest_error: float = LARGEST_ERROR
     """Reprojection error of a kept observation at most, in pixels of a 1,000-pixel frame."""
     recorded: Floats | None = None
-    """(m, 2) places of the observations in the clip, where something of the camera was taken out of those of
-    `tracks`."""
+    """(m, 2) places of the observations in the clip, where those of `tracks` are corrected."""
 
     @property
     def centre(self) -> Floats:

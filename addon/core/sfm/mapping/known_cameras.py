@@ -16,8 +16,7 @@ from ...camera.intrinsics import Intrinsics
 from ...camera.reconstruction import NO_POINTS, Image, Points, Reconstruction, seen_by
 
 CELLS = (24, 16)
-"""Across and down a picture, of each of which one point is enough for focus and range. Chosen by
-inspection."""
+"""Across and down a picture; one point of each is enough for focus and range. Chosen by inspection."""
 MOST_POINTS = 20_000
 """Most points of an unobserved cloud. Chosen by inspection."""
 

@@ -117,8 +117,7 @@ class Report:
     angle: list[float] | None
     """Degrees between the outermost rays of a point: quartiles. None where no point is seen twice."""
     distances: list[float]
-    """Distances of points from cameras, along the view, in the model's own unit: 2nd percentile, median,
-    98th."""
+    """Distances of points along the view, in the model's unit: 2nd percentile, median, 98th."""
     depth_sigma: float | None
     """Relative standard deviation of a typical depth; None without reprojection errors or angles."""
     explained: float | None

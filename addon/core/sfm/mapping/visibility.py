@@ -33,8 +33,7 @@ MIDGREY = 128.0
 RADIUS = 4
 """Pixels from the middle to the border of the patches that are compared. Chosen by inspection."""
 SOFTEN = 1.0
-"""Standard deviation in pixels of the blur that frames get first, against noise and aliasing. Chosen by
-inspection."""
+"""Standard deviation (px) of the blur of frames against noise and aliasing. Chosen by inspection."""
 MIN_VIEWS = 5
 """Frames that must have observed a point."""
 MAX_ERROR_RATIO = 2.0

@@ -19,13 +19,11 @@ FINE = 64
 MIN_SHARED = 40
 """Tracks that two frames must share to be compared, and whose depths can be. Chosen by inspection."""
 MIN_MOTION = 0.3
-"""Median motion of the tracks in pixels of a 1,000-pixel frame; less is a still camera. Chosen by
-inspection."""
+"""Median motion of tracks (px of 1,000); less is a still camera. Chosen by inspection."""
 STILL = 2.0
 """Motion in pixels of a 1,000-pixel frame up to which a track stands still, as a page's header does."""
 SCROLLED = 50.0
-"""Median motion of the other tracks, in the same pixels, from which on they are compared: noise is below 1 %
-of it."""
+"""Median motion of the other tracks, in the same pixels, to compare them: noise is below 1 % of it."""
 ALIKE = 0.01
 """Share of the median motion by which a tenth of the tracks may move otherwise. Scrolling pages, also in
 H.264, have up to 0.007; seven real clips 0.03 (a pan over distant roofs) to 5."""

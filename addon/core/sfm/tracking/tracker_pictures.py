@@ -19,8 +19,7 @@ from ...media.picture_file import Pixels
 WIDTH, MOST = 480, 500
 """Pixels across of a picture, and features in it. Chosen by inspection: enough to follow the work."""
 EVERY = 0.5
-"""Seconds between two pictures. A redraw of a window takes 0.06 to 0.3 s in software OpenGL, on the cores
-that solve."""
+"""Seconds between two pictures; a redraw takes 0.06 to 0.3 s in software OpenGL, beside the solve."""
 QUALITY = 80
 """Quality of the JPEG: 20 to 40 KB. Chosen by inspection."""
 

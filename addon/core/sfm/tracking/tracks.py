@@ -25,8 +25,7 @@ from .sift import Matcher
 
 Progress = Callable[[str, int, int], None]
 Watch = Callable[[Pixels, Floats], None]
-"""Called with each frame (H, W, 3 or 4) as stored and places (n, 2) of its features, as fractions of its
-size."""
+"""Called with each frame (H, W, 3 or 4) as stored and its features (n, 2), as fractions of its size."""
 
 # Chosen by inspection of tracks.
 LONG_SIDE = 960
