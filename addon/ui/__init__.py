@@ -58,8 +58,7 @@ CLASSES = (
     *panels.CLASSES,
 )  # fmt: skip
 FIRST = engine_panels, file_import, lens_presets, paths, file_handlers, exr, focus_sync, thumbnails, bokeh
-# The CG objects' preview after what ends the preview where another file is opened, which may wait for the
-# process.
+# `cg_preview` follows `viewport`, which ends the preview when another file is opened, and may wait for it.
 THEN = background, frame_notes, frames_ahead, cg_process, viewport, cg_preview
 LAST = quit_question, depth_ahead, first_person
 

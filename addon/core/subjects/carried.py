@@ -79,7 +79,7 @@ class CarriedSubject:
     carried: Callable[[tuple[Stroke, ...]], CarriedSubject] | None = None
     """Returns the subject of fewer strokes, which may be carried already."""
     corrects: bool = True
-    """Whether strokes correct the result of earlier ones; else each frame's are cut out anew."""
+    """Whether strokes correct the result of earlier strokes, instead of a new cut in each frame."""
     _tracks: dict[int, Track] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
