@@ -19,7 +19,7 @@ from addon.core.camera.reconstruction import (
     quaternion_from_matrix,
     rotation_matrix,
 )
-from addon.core.readers.colmap_export import export_model
+from addon.core.readers.colmap_export import write_model
 
 from . import planes
 
@@ -94,7 +94,7 @@ def transforms(path: Path, known: Reconstruction, names: tuple[str, ...] = NAMES
 def colmap(folder: Path, known: Reconstruction) -> Path:
     """A text model as ViPE's converter writes it: no image has features, and there are no points."""
     folder.mkdir()
-    export_model(folder, known, {image.frame: NAMES[image.frame - 1] for image in known.images})
+    write_model(folder, known, {image.frame: NAMES[image.frame - 1] for image in known.images})
     return folder
 
 

@@ -11,7 +11,7 @@ from ..core.base.counting import counted
 from ..core.base.errors import UserError
 from ..core.base.streams import say, say_to
 from ..core.media.clip import FrameRange
-from ..core.readers.colmap_export import export_model
+from ..core.readers.colmap_export import write_model
 from ..core.sfm.workspace import load_solve
 from ..render.output import export as exports
 from ..render.output.output import check_apart
@@ -86,7 +86,7 @@ def _export_model(options: argparse.Namespace) -> None:
     names = {} if footage.is_video else {frame: footage.file(frame).name for frame in footage.frames}
     try:
         with staged_folder(out) as part:
-            export_model(part, solved.reconstruction, names)
+            write_model(part, solved.reconstruction, names)
     except OSError as error:
         raise UserError(f"{out} cannot be written: {error.strerror}") from error
     if any(solved.reconstruction.readout):

@@ -10,10 +10,6 @@ from .sources import colour_space
 from .sources.subjects import VirtualApertureSubjects
 
 
-def _colour_spaces(_settings: object, _context: object, _typed: str) -> list[str]:
-    return colour_space.names()
-
-
 class ClipProperties:
     """The clip."""
 
@@ -81,7 +77,7 @@ class ClipProperties:
         name="Color Space",
         description="What the clip was recorded in, such as S-Log3 S-Gamut3.Cine: cameras that record a log"
         " rarely say so in the file. Empty: what the file says, else sRGB",
-        search=_colour_spaces,
+        search=lambda _settings, _context, _typed: colour_space.names(),
         update=aperture_changed,
     )
     masks: StringProperty(

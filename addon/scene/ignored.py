@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from .base.timeline import clip_frame, is_remapped, scene_time
+from .base.timeline import clip_frame, scene_time
 
 OURS = ("use_pass_combined", "use_pass_z", "use_pass_cryptomatte_accurate")
 """Switches of view layers that ask for no pass that we lack; the second one is how Cryptomatte counts."""
@@ -60,7 +60,7 @@ def _time(scene: bpy.types.Scene, frame: int) -> float:
 def _movie(scene: bpy.types.Scene) -> Iterator[str]:
     if scene.virtual_aperture.render_as != "MOVIE":
         return
-    if is_remapped(scene):
+    if scene.render.frame_map_old != scene.render.frame_map_new:
         yield "Render Clip makes movies without Time Remapping; Render As: Frames uses it"
     if scene.frame_step > 1:
         yield "Render Clip makes movies of every frame, whatever Step is; Render As: Frames uses it"

@@ -49,14 +49,6 @@ def _follow_distance(settings: bpy.types.PropertyGroup) -> None:
     focus_marks.on_distance(settings)
 
 
-def _scale_changed(settings: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
-    depth_of_field.on_scale(settings)
-
-
-def _blur_now(settings: bpy.types.PropertyGroup, stored: float, _is_set: bool) -> float:
-    return lens.blur_now(settings, stored)
-
-
 class LensProperties:
     """Focus, blur and aperture."""
 
@@ -141,7 +133,7 @@ class LensProperties:
         default=0.03,
         precision=lens.BLUR_DIGITS,
         step=0.1,
-        get_transform=_blur_now,
+        get_transform=lambda settings, stored, _is_set: lens.blur_now(settings, stored),
         update=_edited(lens.on_blur),
     )
     blur_percent: FloatProperty(
@@ -180,7 +172,7 @@ class LensProperties:
         soft_max=10.0,
         default=0.0,
         precision=4,
-        update=_scale_changed,
+        update=lambda settings, _context: depth_of_field.on_scale(settings),
         options=set(),
     )
     guessed_scale: FloatProperty(
@@ -238,7 +230,7 @@ class LensProperties:
         name="Highlight Boost",
         description="Stops by which restored highlights are brighter than estimated; each one doubles them",
         get=highlight_stops.boost,
-        set=highlight_stops.set_boost,
+        set=lambda settings, stops: setattr(settings, "highlights", 2.0**stops),
         min=highlight_stops.LEAST,
         max=highlight_stops.MOST,
         soft_min=-2.0,

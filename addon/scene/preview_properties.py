@@ -17,10 +17,6 @@ SHOWN_VIEWS = 64
 """To begin with, where the number of views is no longer to be found."""
 
 
-def _has_auto_views(settings: bpy.types.PropertyGroup) -> bool:
-    return bool(settings.views == 0)
-
-
 def _set_auto_views(settings: bpy.types.PropertyGroup, auto: bool) -> None:
     if auto:
         settings.views = 0
@@ -28,10 +24,6 @@ def _set_auto_views(settings: bpy.types.PropertyGroup, auto: bool) -> None:
         # Their values so far.
         shown = settings.aperture.data if settings.aperture is not None else None
         settings.views = (len(shown.vertices) if shown else 0) or SHOWN_VIEWS
-
-
-def _shows_points(settings: bpy.types.PropertyGroup) -> bool:
-    return settings.points is not None and point_cloud.is_shown(settings.points)
 
 
 def _show_points(settings: bpy.types.PropertyGroup, shown: bool) -> None:
@@ -45,7 +37,7 @@ class PreviewProperties:
     use_auto_views: BoolProperty(
         name="Automatic Views",
         description="Use as many virtual cameras as the largest blur disc needs",
-        get=_has_auto_views,
+        get=lambda settings: settings.views == 0,
         set=_set_auto_views,
         options=set(),
     )
@@ -84,7 +76,7 @@ class PreviewProperties:
     show_points: BoolProperty(
         name="Show Points",
         description="Show the feature points in the viewport. They are also seen in Edit Mode",
-        get=_shows_points,
+        get=lambda settings: settings.points is not None and point_cloud.is_shown(settings.points),
         set=_show_points,
         options=set(),
         update=_redraw_viewports,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from addon.core.readers.colmap_export import export_model
+from addon.core.readers.colmap_export import write_model
 
 from .. import planes
 from ..command_line import done
@@ -19,6 +19,6 @@ def import_planes(folder: Path) -> Path:
     planes.write_clip(folder / "clip", planes.halved(clip(CENTRES)))
     names = {n: f"shot_{n:04d}.png" for n in range(1, len(CENTRES) + 1)}
     (folder / "model").mkdir()
-    export_model(folder / "model", poses(CENTRES, features(), LENS), names)
+    write_model(folder / "model", poses(CENTRES, features(), LENS), names)
     done("import", folder / "model", "--footage", folder / "clip", "--work", folder / "work")
     return folder / "work"

@@ -15,7 +15,7 @@ from mathutils import Matrix
 from addon.core.camera.reconstruction import NO_POINTS, Image, Points, Reconstruction
 from addon.core.media.clip import open_footage
 from addon.core.readers import read_reconstruction
-from addon.core.readers.colmap_export import export_model
+from addon.core.readers.colmap_export import write_model
 from addon.core.sfm.workspace import load_solve
 
 from .. import camera_files as files
@@ -244,7 +244,7 @@ def test_photos_that_are_no_clip(data: Path, tmp_path: Path, registered: None) -
     (tmp_path / "model").mkdir()
     names = {frame: footage.file(frame).name for frame in known.frames.tolist()}
     bare = tuple(Image(i.frame, i.rotation, i.translation, camera=i.camera) for i in known.images)
-    export_model(tmp_path / "model", Reconstruction(known.cameras, bare, NO_POINTS), names)
+    write_model(tmp_path / "model", Reconstruction(known.cameras, bare, NO_POINTS), names)
     done("import", tmp_path / "model", "--footage", data / "kermit", "--work", tmp_path / "work")
     kept = load_solve(tmp_path / "work")
     assert kept.reconstruction.frames.tolist() == known.frames.tolist()

@@ -12,7 +12,7 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.readers import colmap
-from addon.core.readers.colmap_export import export_model, read_model, write_model
+from addon.core.readers.colmap_export import read_model, write_model
 
 from ..foreign_models import assert_same
 
@@ -136,22 +136,22 @@ def test_a_truncated_model_is_an_error_or_a_smaller_model(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("names", [("frame.png", "frame_7.png"), ("a7.png", "b7.png")])
 def test_our_own_images_are_called_by_their_frames(tmp_path: Path, names: tuple[str, str]) -> None:
-    export_model(tmp_path, example(PINHOLE), {3: names[0], 7: names[1]})
+    write_model(tmp_path, example(PINHOLE), {3: names[0], 7: names[1]})
     with pytest.raises(UserError, match=r"images.txt.*frame"):
         read_model(tmp_path)
 
 
 def test_names_of_others_are_kept(tmp_path: Path) -> None:
-    export_model(tmp_path, example(PINHOLE), {3: "my clip 0003.jpg", 7: "b/\u00e4 #7.png"})
+    write_model(tmp_path, example(PINHOLE), {3: "my clip 0003.jpg", 7: "b/\u00e4 #7.png"})
     assert colmap.read(tmp_path, SIZE).names == ("my clip 0003.jpg", "b/\u00e4 #7.png", "frame_1000012.png")
     for name in ("", " a.png", "a\nb.png"):
         with pytest.raises(UserError, match="rename"):
-            export_model(tmp_path, example(PINHOLE), {3: name})
+            write_model(tmp_path, example(PINHOLE), {3: name})
 
 
 def test_line_ends_byte_order_mark_and_code_page(tmp_path: Path) -> None:
     before = example(DISTORTED)
-    export_model(tmp_path, before, {3: "caf\u00e9 3.png"})
+    write_model(tmp_path, before, {3: "caf\u00e9 3.png"})
     for name in TEXT:
         text = (tmp_path / name).read_bytes().replace(b"\n", b"\r\n")
         (tmp_path / name).write_bytes(b"\xef\xbb\xbf" + text.replace(b"\xc3\xa9", b"\xe9"))

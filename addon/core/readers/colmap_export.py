@@ -20,17 +20,13 @@ LONGEST_NUMBER = 9
 """Most digits of a frame number."""
 
 
-def write_model(folder: Path, reconstruction: Reconstruction) -> None:
-    """Write cameras.txt, images.txt and points3D.txt into an existing folder, with `own_name`."""
-    export_model(folder, reconstruction, None)
-
-
-def export_model(folder: Path, reconstruction: Reconstruction, names: Mapping[int, str] | None) -> None:
-    """Write a model with image names by frame number, or `own_name` for those not in `names`.
+def write_model(folder: Path, reconstruction: Reconstruction, names: Mapping[int, str] | None = None) -> None:
+    """Write cameras.txt, images.txt and points3D.txt, with image names by frame number, into a folder.
 
     Each lens is written as the simplest equivalent camera model. Raises UserError for an invalid name.
     """
-    called = {image.frame: own_name(image.frame) for image in reconstruction.images} | dict(names or {})
+    called = {image.frame: f"frame_{image.frame:06d}.png" for image in reconstruction.images}
+    called |= names or {}
     for name in called.values():
         if name != name.strip() or not name.isprintable() or not name:
             raise UserError(f"an image called {name!r} cannot be written into a COLMAP text model; rename it")
@@ -73,11 +69,6 @@ def read_model(folder: Path) -> Reconstruction:
             raise wrong(place, f"one image of frame {frame}, not several")
         images[frame] = replace(image, frame=frame)
     return replace(model, images=tuple(images[frame] for frame in sorted(images)))
-
-
-def own_name(frame: int) -> str:
-    """Return the name of a frame's image in our working folders."""
-    return f"frame_{frame:06d}.png"
 
 
 def _write(path: Path, lines: list[str]) -> None:

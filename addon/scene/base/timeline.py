@@ -30,11 +30,6 @@ def clip_frame(scene: bpy.types.Scene, at: int | None = None) -> int:
     return int(nearest if is_whole else math.floor(exact))
 
 
-def is_remapped(scene: bpy.types.Scene) -> bool:
-    """Return whether *Time Remapping* changes the numbers of frames."""
-    return bool(scene.render.frame_map_old != scene.render.frame_map_new)
-
-
 def scene_time(scene: bpy.types.Scene, frame: int) -> tuple[int, float]:
     """Return the scene's frame and subframe that show the beginning of a frame of the clip."""
     render = scene.render

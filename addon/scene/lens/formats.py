@@ -24,8 +24,3 @@ FORMATS = {
 def width(identifier: str) -> float:
     """Return the width of a format in millimetres."""
     return FORMATS[identifier][1]
-
-
-def crop_factor(millimetres: float) -> float:
-    """Return how many times wider a full frame is than a sensor of a width in millimetres."""
-    return SENSOR / millimetres

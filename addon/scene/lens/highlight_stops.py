@@ -15,11 +15,6 @@ def boost(settings: bpy.types.PropertyGroup) -> float:
     return float(np.clip(np.log2(gain), LEAST, MOST)) if gain > 0 else 0.0
 
 
-def set_boost(settings: bpy.types.PropertyGroup, stops: float) -> None:
-    """Restore highlights, so many stops brighter than estimated."""
-    settings.highlights = 2.0**stops
-
-
 def are_restored(settings: bpy.types.PropertyGroup) -> bool:
     """Return whether clipped highlights are restored."""
     return bool(settings.highlights > 0)

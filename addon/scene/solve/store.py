@@ -24,11 +24,11 @@ MOST_TERMS = max(len(term_names(family)) for family in FAMILIES)
 
 def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
     """Keep a reconstruction in a mesh's custom properties, replacing the one that was there."""
-    images, points = reconstruction.images, reconstruction.points
+    cameras, images, points = reconstruction.cameras, reconstruction.images, reconstruction.points
     arrays: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
-        "cameras": np.array([_intrinsics_row(c) for c in reconstruction.cameras]).ravel(),
-        "lens_models": np.array([MODELS.index(c.model) for c in reconstruction.cameras], dtype=np.int32),
-        "lens_terms": np.array([_terms_row(c) for c in reconstruction.cameras]).ravel(),
+        "cameras": np.array([_intrinsics_row(c) for c in cameras]).ravel(),
+        "lens_models": np.array([MODELS.index(c.model) for c in cameras], dtype=np.int32),
+        "lens_terms": np.array([np.pad(c.terms, (0, MOST_TERMS - len(c.terms))) for c in cameras]).ravel(),
         "frames": reconstruction.frames,
         "image_cameras": np.array([i.camera for i in images], dtype=np.int32),
         "rotations": np.array([i.rotation for i in images]).ravel(),
@@ -103,10 +103,6 @@ def _intrinsics_row(camera: Intrinsics) -> list[float]:
         camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.k1, camera.k2,
         camera.p1, camera.p2,
     ]  # fmt: skip
-
-
-def _terms_row(camera: Intrinsics) -> list[float]:
-    return [*camera.terms, *[0.0] * (MOST_TERMS - len(camera.terms))]
 
 
 def _intrinsics(row: NDArray[np.float64], model: str, terms: NDArray[np.float64]) -> Intrinsics:

@@ -69,7 +69,7 @@ class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
             sensor = scale.sensor_millimetres(settings)
             if settings.lens != "SENSOR":
                 layout.prop(settings, "f_stop_format")
-            crop = formats.crop_factor(sensor)
+            crop = formats.width(formats.FULL_FRAME) / sensor
             meant = f" (crop factor {crop:.2f})" if crop != 1 else " (full-frame equivalent)"
             if settings.lens == "SENSOR" and crop == 1:
                 meant = ""
