@@ -24,13 +24,11 @@ from ..scene.sources.shot import Shot, shot_of
 from .blend import is_blend, open_blend
 from .lens import scene_of, set_moving, wanted_frames
 from .lens_options import add_moving, add_work
-from .options import UsageError
+from .options import Commands, UsageError
 from .processes import add_jobs, sharing
 
 
-def add_command(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
-) -> None:
+def add_command(commands: Commands, common: argparse.ArgumentParser) -> None:
     """Add the command `depth DIR`."""
     command = commands.add_parser(
         "depth", parents=[common], help="find the depth of frames ahead of rendering"

@@ -21,13 +21,11 @@ from ..scene.sources.shot import shot_of
 from .blend import is_blend, open_blend
 from .lens import say_lens, scene_of, set_lens, wanted_frames
 from .lens_options import add_lens, add_work, check_lens, given_lens
-from .options import UsageError
+from .options import Commands, UsageError
 from .paths import path
 
 
-def add_command(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
-) -> None:
+def add_command(commands: Commands, common: argparse.ArgumentParser) -> None:
     """Add the command `export`, which sets `command` to the function that runs it."""
     one = commands.add_parser(
         "export", parents=[common], help="export frames in two layers, STMaps, or the solve for COLMAP"

@@ -34,7 +34,7 @@ from .blend import is_blend, open_blend
 from .farm_formats import FORMATS, TASK_FRAMES
 from .lens import movie_frames, say_lens, scene_of, set_lens
 from .lens_options import add_lens, add_work, check_lens, check_numbers, given_lens, has_focus, write_lens
-from .options import whole
+from .options import Commands, whole
 from .paths import path
 from .save import copied, copy_beside
 from .solve import add_footage, add_solve_frames, solve_arguments
@@ -48,9 +48,7 @@ BLEND, LENS, REPAIR = "scene.blend", "lens.json", "repair.json"
 """Files of the bundle: the scene, and until there is one the options and repairs of its lens."""
 
 
-def add_commands(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
-) -> None:
+def add_commands(commands: Commands, common: argparse.ArgumentParser) -> None:
     """Add the commands `farm` and `join`; each sets `command` to the function that runs it."""
     one = commands.add_parser(
         "farm", parents=[common], help="write a render farm job for Open Job Description, Flamenco, Deadline"

@@ -27,15 +27,13 @@ from ..scene.lens.lens import frame_options
 from ..scene.sources.shot import shot_of
 from .lens import say_lens, scene_of, set_lens
 from .lens_options import add_lens, check_numbers
-from .options import whole
+from .options import Commands, whole
 from .paths import path
 
 REPORT = "report.json"
 
 
-def add_command(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
-) -> None:
+def add_command(commands: Commands, common: argparse.ArgumentParser) -> None:
     """Add the command `inspect`, which sets `command` to the function that runs it."""
     one = commands.add_parser(
         "inspect", parents=[common], help="show what a frame is drawn from, as pictures and figures"

@@ -14,6 +14,9 @@ from ..core.base.options import Option
 SWITCH = {"on": True, "off": False}
 """The words of an option that is on or off."""
 
+type Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+"""What `add_subparsers` returns."""
+
 SMALLEST = 1e-15
 """No number but 0 is smaller: Blender keeps 32-bit floats, and smaller ones become 0 there."""
 

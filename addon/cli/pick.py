@@ -8,13 +8,11 @@ from ..core.focus.place import Place
 from ..core.sfm.workspace import load_solve
 from .lens import scene_of, set_lens
 from .lens_options import add_lens, check_numbers
-from .options import UsageError
+from .options import Commands, UsageError
 from .paths import path
 
 
-def add_command(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
-) -> None:
+def add_command(commands: Commands, common: argparse.ArgumentParser) -> None:
     """Add the command `pick`, which sets `command` to the function that runs it."""
     one = commands.add_parser(
         "pick", parents=[common], help="print how far places of the picture, or subjects, are"

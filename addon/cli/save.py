@@ -23,7 +23,7 @@ from ..scene.build import move_clip
 from ..scene.properties import VirtualApertureSettings
 from .lens import movie_frames, say_lens, scene_of, set_lens
 from .lens_options import add_lens, check_numbers, has_focus, read_lens
-from .options import UsageError
+from .options import Commands, UsageError
 from .paths import path
 
 MASKS, DEPTH, APERTURE = "masks", "depth", "aperture"
@@ -33,9 +33,7 @@ MOST_NAMED = 5
 """Files and folders beside a .blend that are named; of more, the first and the last. Chosen for one line."""
 
 
-def add_command(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
-) -> None:
+def add_command(commands: Commands, common: argparse.ArgumentParser) -> None:
     """Add the command `save`, which sets `command` to the function that runs it."""
     one = commands.add_parser(
         "save", parents=[common], help="save the solved clip as a .blend, ready to open or to send"

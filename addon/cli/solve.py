@@ -22,14 +22,12 @@ from ..scene.sources.movieclip import read_movie_clip
 from ..scene.sources.scene_camera import cameras_of, read_scene_camera
 from .blend import open_scene
 from .depth import depth_of_solve
-from .options import UsageError, real
+from .options import Commands, UsageError, real
 from .paths import path
 from .words import IMPORT_WORDS
 
 
-def add_commands(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
-) -> None:
+def add_commands(commands: Commands, common: argparse.ArgumentParser) -> None:
     """Add the commands `solve`, `report` and `import`; each sets `command` to its function."""
     one = commands.add_parser(
         "solve", parents=[common], help="find the camera motion and feature points of a clip"
