@@ -15,6 +15,12 @@ from ..base.operators import Result, may_change, polls, reported
 class ShowsClips:
     """A file browser that shows videos, pictures and folders."""
 
+    filepath: bpy.props.StringProperty(
+        name="Clip",
+        description="Video, any image of a sequence, or a folder of images",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
     filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
     filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
@@ -26,13 +32,6 @@ class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, bpy.types.Operator):  # noqa: 
     bl_idname = "virtual_aperture.choose_clip"
     bl_label = "Choose Clip"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
-
-    filepath: bpy.props.StringProperty(
-        name="Clip",
-        description="Video, any image of a sequence, or a folder of images",
-        subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
-    )
 
     poll = polls(may_change)
 

@@ -37,13 +37,6 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
     # Blender shows it where other handlers take the file, too.
     bl_label = "Solve with Virtual Aperture"
 
-    filepath: bpy.props.StringProperty(
-        name="Clip",
-        description="Video, any image of a sequence, or a folder of images",
-        subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
-    )
-
     sure: bpy.props.BoolProperty(
         name="Do Not Ask", description="The user has confirmed", options={"SKIP_SAVE", "HIDDEN"}
     )
