@@ -9,8 +9,7 @@ from pathlib import Path
 from ..core.base.options import Option
 from ..core.frame.options import APERTURE_OPTIONS
 from ..scene.properties import VirtualApertureSettings
-from .options import value_type
-from .paths import path
+from .options import path, value_type
 
 IMAGE = "image"
 

@@ -21,8 +21,7 @@ from ..scene.sources.shot import shot_of
 from .blend import is_blend, open_blend
 from .lens import say_lens, scene_of, set_lens, wanted_frames
 from .lens_options import add_lens, add_work, check_lens, given_lens
-from .options import Commands, UsageError
-from .paths import path
+from .options import Commands, UsageError, path
 
 
 def add_command(commands: Commands, common: argparse.ArgumentParser) -> None:

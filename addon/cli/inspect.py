@@ -27,8 +27,7 @@ from ..scene.lens.lens import frame_options
 from ..scene.sources.shot import shot_of
 from .lens import say_lens, scene_of, set_lens
 from .lens_options import add_lens, check_numbers
-from .options import Commands, whole
-from .paths import path
+from .options import Commands, path, whole
 
 REPORT = "report.json"
 

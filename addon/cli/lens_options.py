@@ -16,8 +16,7 @@ from ..core.frame.options import FRAME_OPTIONS
 from ..core.frame.repairs import KINDS, read_repairs
 from .aperture import add_aperture, placed
 from .blend import is_blend
-from .options import Parser, UsageError, add_options, real, whole
-from .paths import path
+from .options import Parser, UsageError, add_options, path, real, whole
 from .subjects import add_focus_subject, add_subjects, focused_subjects
 
 PATHS = ("depth", "mask", "repair")

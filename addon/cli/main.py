@@ -41,8 +41,7 @@ from .blend import is_blend, open_blend
 from .engine_jobs import read_job
 from .lens import all_frames, movie_frames, say_lens, scene_of, set_lens, wanted_frames
 from .lens_options import add_lens, add_work, check_lens, check_numbers
-from .options import Parser, UsageError
-from .paths import path
+from .options import Parser, UsageError, path
 from .processes import add_jobs, sharing
 from .words import SOLVED_WORDS, WORDS
 

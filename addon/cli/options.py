@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, NoReturn
 
 from ..core.base import numbers
 from ..core.base.errors import UserError
+from ..core.base.file_names import checked_name
 from ..core.base.options import Option
 
 SWITCH = {"on": True, "off": False}
 """The words of an option that is on or off."""
 
 type Commands = argparse._SubParsersAction[argparse.ArgumentParser]
-"""What `add_subparsers` returns."""
+"""Type of the result of `add_subparsers`."""
 
 SMALLEST = 1e-15
 """No number but 0 is smaller: Blender keeps 32-bit floats, and smaller ones become 0 there."""
@@ -129,3 +132,17 @@ def add_options(command: argparse.ArgumentParser, options: Mapping[str, Option])
             f"--{name.replace('_', '-')}", dest=name, type=value_type(each), choices=list(choices) or None,
             metavar=None if choices else "|".join([*value, *_words(each)]), help=help_text.replace("%", "%%"),
         )  # fmt: skip
+
+
+def path(text: str) -> Path:
+    """Return a path as it was typed; UserError for one that is empty or not UTF-8.
+
+    Two slashes in front are one, as everywhere but in Blender, to which they mean the folder of the .blend.
+    """
+    if not text:
+        # Python takes it for the current folder.
+        raise UserError("a file or folder name is empty")
+    if os.name == "posix" and text.startswith("//"):
+        text = "/" + text.lstrip("/")
+    checked_name(Path(text).absolute())
+    return Path(text)

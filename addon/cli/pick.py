@@ -8,8 +8,7 @@ from ..core.focus.place import Place
 from ..core.sfm.workspace import load_solve
 from .lens import scene_of, set_lens
 from .lens_options import add_lens, check_numbers
-from .options import Commands, UsageError
-from .paths import path
+from .options import Commands, UsageError, path
 
 
 def add_command(commands: Commands, common: argparse.ArgumentParser) -> None:

@@ -23,8 +23,7 @@ from ..scene.build import move_clip
 from ..scene.properties import VirtualApertureSettings
 from .lens import movie_frames, say_lens, scene_of, set_lens
 from .lens_options import add_lens, check_numbers, has_focus, read_lens
-from .options import Commands, UsageError
-from .paths import path
+from .options import Commands, UsageError, path
 
 MASKS, DEPTH, APERTURE = "masks", "depth", "aperture"
 """Folders beside the .blend, or within a farm's bundle, for copies of the user's pictures."""

@@ -22,8 +22,7 @@ from ..scene.sources.movieclip import read_movie_clip
 from ..scene.sources.scene_camera import cameras_of, read_scene_camera
 from .blend import open_scene
 from .depth import depth_of_solve
-from .options import Commands, UsageError, real
-from .paths import path
+from .options import Commands, UsageError, path, real
 from .words import IMPORT_WORDS
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import bpy
+import numpy as np
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
@@ -16,7 +17,7 @@ from bpy.props import (
 
 from .focus import focus_marks
 from .focus.focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
-from .lens import aperture_cloud, depth_of_field, formats, highlight_stops, lens
+from .lens import aperture_cloud, depth_of_field, lens, scale
 from .lens.aperture_shape import VirtualApertureShape
 from .lens.repairs import VirtualApertureRepairs
 
@@ -47,6 +48,22 @@ def _edited(
 def _follow_distance(settings: bpy.types.PropertyGroup) -> None:
     lens.on_distance(settings)
     focus_marks.on_distance(settings)
+
+
+LEAST_BOOST, MOST_BOOST = -4.0, 9.0
+"""Stops: from a sixteenth of the estimate, which is seen no more, to half of `MOST_GAIN`."""
+
+
+def _boost(settings: bpy.types.PropertyGroup) -> float:
+    """The stops by which highlights are brighter than estimated; 0 if they are not restored."""
+    gain = settings.highlights
+    return float(np.clip(np.log2(gain), LEAST_BOOST, MOST_BOOST)) if gain > 0 else 0.0
+
+
+def _restore(settings: bpy.types.PropertyGroup, on: bool) -> None:
+    """Restore highlights as estimated, or leave the clip as it is."""
+    if on != (settings.highlights > 0):
+        settings.highlights = 1.0 if on else 0.0
 
 
 class LensProperties:
@@ -213,26 +230,26 @@ class LensProperties:
         " picture stays, its f-stop changes. Lens and Sensor, in Solve, replaces it",
         items=[
             (identifier, f"{label} ({width:g} mm)", cameras)
-            for identifier, (label, width, cameras) in formats.FORMATS.items()
+            for identifier, (label, width, cameras) in scale.FORMATS.items()
         ],
-        default=formats.FULL_FRAME,
+        default=scale.FULL_FRAME,
         options=set(),
     )
     restore_highlights: BoolProperty(
         name="Restore",
         description="Give highlights that the clip shows as white an estimate of their light back, so that"
         " they turn into bright bokeh discs",
-        get=highlight_stops.are_restored,
-        set=highlight_stops.restore,
+        get=lambda settings: settings.highlights > 0,
+        set=_restore,
         options=set(),
     )
     highlight_boost: FloatProperty(
         name="Highlight Boost",
         description="Stops by which restored highlights are brighter than estimated; each one doubles them",
-        get=highlight_stops.boost,
+        get=_boost,
         set=lambda settings, stops: setattr(settings, "highlights", 2.0**stops),
-        min=highlight_stops.LEAST,
-        max=highlight_stops.MOST,
+        min=LEAST_BOOST,
+        max=MOST_BOOST,
         soft_min=-2.0,
         soft_max=4.0,
         precision=1,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from addon.core.depth.exposure import CLIPPED, exposed_as
+from addon.core.depth.plane_sweep import CLIPPED, exposed_as
 from addon.core.media.light import decode_srgb, encode_srgb
 
 

@@ -9,7 +9,7 @@ from addon.core.base.arrays import Mask
 from addon.core.depth.flat_scene import ADULT
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
-from addon.core.frame.person_scale import height_of, scale_by_people
+from addon.core.frame.first_person import height_of, scale_by_people
 from addon.core.subjects.clip_subjects import ClipSubject
 from addon.core.subjects.people import sampled
 

@@ -15,7 +15,6 @@ from ..base.arrays import Bytes, Floats, Map
 from ..base.limits import threads
 from ..base.progress import checkpoint
 from ..base.side_by_side import side_by_side
-from .exposure import exposed_as
 from .semiglobal import STEPS, Costs
 
 UNSEEN = 65535
@@ -32,6 +31,13 @@ GUIDE_EPSILON = 30.0
 """Squared grey levels that count as one surface in that guided filter."""
 FAR_PREFERENCE = 0.1
 """Grey levels by which the farthest level is preferred to the nearest: plain areas are often sky."""
+FOOT = 255 * 0.055
+"""Grey levels, which added to those of sRGB (IEC 61966-2-1) make them a power of light, but for the darkest:
+light times a factor is levels times one."""
+CLIPPED = 250
+"""Grey level from which a pixel may be clipped. Chosen by inspection."""
+LEAST_GAIN = 0.004
+"""Relative difference of levels that is left alone: a step of 8 bits in white."""
 
 
 @dataclass(frozen=True)
@@ -170,3 +176,20 @@ def _finished(costs: Costs, preferred: Costs) -> Costs:
             best = row.min(axis=0)
             np.copyto(row, np.where(best == UNSEEN, np.uint16(0), best), where=unseen)
     return costs
+
+
+def exposed_as(picture: Bytes, own: Bytes, theirs: Bytes) -> Bytes:
+    """Return a picture (h, w, 3), display-encoded, with the brightness of a frame in each channel.
+
+    The factor is the median over places that both show: the frame's colours (n, 3) and the picture's (n, 3).
+    The picture is unchanged if they hardly differ, or if all places are clipped.
+    """
+    clear = np.maximum(own, theirs).max(axis=1, initial=0) < CLIPPED
+    if not clear.any():
+        return picture
+    gain = np.median((own[clear] + FOOT) / (theirs[clear] + FOOT), axis=0)
+    if np.abs(gain - 1).max() < LEAST_GAIN:
+        return picture
+    levels = (np.arange(256)[:, None] + FOOT) * gain - FOOT
+    table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)
+    return np.asarray(cv2.LUT(np.ascontiguousarray(picture), table[None]), np.uint8)

@@ -26,8 +26,7 @@ from .odds import (
     silhouette,
     stroke_motion,
 )  # fmt: skip
-from .parts import touching
-from .people import overlap_of
+from .people import overlap_of, touching
 
 SMOOTH_LAMBDA, SMOOTH_SIGMA = 40.0, 12.0
 """Lambda and grey levels of the fast global smoother that brings log-odds to the picture's edges."""

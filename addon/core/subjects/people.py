@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Map, Mask
 from .networks import Networks, Region
 from .odds import CROP, PERSON, PRESENCE, Box, overlap, silhouette
-from .parts import touching
 
 AGREEMENT = 0.6
 """Intersection over union of two independent networks, one that segments a detected person and one that
@@ -71,3 +71,12 @@ def sampled(frames: Sequence[int]) -> list[int]:
 def overlap_of(person: Mask, subject: Mask) -> float:
     """Return the share of a person (h, w) that a subject (h, w) covers."""
     return float(np.count_nonzero(person & subject) / max(int(np.count_nonzero(person)), 1))
+
+
+def touching(mask: Mask, those: Mask) -> Mask:
+    """Return the connected parts of a mask (h, w) that share a pixel with another one (h, w)."""
+    number, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+    kept = np.zeros(number, bool)
+    kept[labels[those & mask]] = True
+    kept[0] = False
+    return np.asarray(kept[labels])

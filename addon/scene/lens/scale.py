@@ -1,4 +1,4 @@
-"""Metres that a unit of the scene is long: as given, guessed by the height of people, or assumed."""
+"""Camera formats, and metres that a unit of the scene is long: as given, guessed by people, or assumed."""
 
 from __future__ import annotations
 
@@ -9,16 +9,37 @@ from ...core.base.errors import UserError
 from ...core.camera.reconstruction import Reconstruction
 from ..solve.camera import SENSOR
 from ..sources.shot import IDENTITY, reconstruction_of
-from . import formats
 
 NORMAL, PORTRAIT = 50.0, 2.0
 """Millimetres on a full frame, and metres: lens and distance of an assumed scale. Presets of lenses are
 defined at this distance, too."""
 
 
+FULL_FRAME = "FULL_FRAME"
+FORMATS = {
+    "ALEXA_65": ("65 mm Digital", 54.12, "ALEXA 65"),
+    "MEDIUM": ("Medium Format 44 x 33", 43.8, "GFX, X2D"),
+    FULL_FRAME: ("Full Frame", SENSOR, "Stills cameras, VENICE"),
+    "SUPER_35": ("Super 35", 24.89, "Film, and cinema cameras with a 4-perforation gate"),
+    "APS_C": ("APS-C", 23.5, "Sony, Fujifilm, Nikon"),
+    "APS_C_CANON": ("APS-C (Canon)", 22.3, "EOS R7, R10, R50"),
+    "FOUR_THIRDS": ("Four Thirds", 17.3, "GH7, OM-1"),
+    "ONE_INCH": ("1 Inch", 13.2, "RX100, camcorders"),
+    "SUPER_16": ("Super 16", 12.52, "Film, Bolex"),
+    "PHONE_LARGE": ("Phone, 1/1.28 Inch", 9.8, "Main cameras since 2022"),
+    "PHONE": ("Phone, 1/2.55 Inch", 5.6, "Main cameras until 2018, and telephoto ones"),
+}
+"""Label, width in millimetres as makers state it, and cameras that have it, by identifier."""
+
+
+def width(identifier: str) -> float:
+    """Return the width of a format in millimetres."""
+    return FORMATS[identifier][1]
+
+
 def sensor_millimetres(settings: bpy.types.PropertyGroup) -> float:
     """Return the width of the sensor: the given one, or that of the format of the f-stop."""
-    return float(settings.sensor_mm) if settings.lens == "SENSOR" else formats.width(settings.f_stop_format)
+    return float(settings.sensor_mm) if settings.lens == "SENSOR" else width(settings.f_stop_format)
 
 
 def scale(settings: bpy.types.PropertyGroup) -> float:

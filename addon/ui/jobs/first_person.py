@@ -11,8 +11,7 @@ from bpy.app.handlers import persistent
 
 from ...core.base.errors import UserError
 from ...core.focus.place import Place
-from ...core.frame.first_person import nearest_subject
-from ...core.frame.person_scale import scale_by_people
+from ...core.frame.first_person import nearest_subject, scale_by_people
 from ...render.processes.clip_process import ClipProcess
 from ...scene.base import redraw
 from ...scene.focus import focus_marks

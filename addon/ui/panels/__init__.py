@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from ..base.operators import classes_of
-from . import clip, focus, lens, main, notices, preview, render, solve
+from . import clip, focus, lens, main, notices, render, solve
 
-CLASSES = classes_of(main, notices, clip, solve, focus, lens, preview, render)
+CLASSES = classes_of(main, notices, clip, solve, focus, lens, render)

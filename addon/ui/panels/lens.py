@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...core.base.errors import UserError
-from ...scene.lens import depth_of_field, formats, lens, scale
+from ...scene.lens import depth_of_field, lens, scale
 from ..base.operators import sentence
 from ..base.text import wrapped
 from ..focus import bokeh, lens_presets
@@ -69,7 +69,7 @@ class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
             sensor = scale.sensor_millimetres(settings)
             if settings.lens != "SENSOR":
                 layout.prop(settings, "f_stop_format")
-            crop = formats.width(formats.FULL_FRAME) / sensor
+            crop = scale.width(scale.FULL_FRAME) / sensor
             meant = f" (crop factor {crop:.2f})" if crop != 1 else " (full-frame equivalent)"
             if settings.lens == "SENSOR" and crop == 1:
                 meant = ""

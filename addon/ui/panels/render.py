@@ -1,4 +1,4 @@
-"""The Render panel: frames, output and quality."""
+"""The Preview panel, and the Render panel: frames, output and quality."""
 
 from __future__ import annotations
 
@@ -7,7 +7,23 @@ import bpy
 from ...core.frame.meshers import MESHERS
 from ...scene.cg_objects import STAYS_SHARP, cg_objects
 from ..jobs import export, movie
+from . import live_preview
 from .panel import ClosedPanel, split
+
+
+class VIRTUAL_APERTURE_PT_preview(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Preview"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = split(self.layout)
+        column = layout.column()
+        column.active = live_preview.is_shown(context)
+        column.prop(settings, "viewport_shows")
+        column.prop(settings, "viewport_wipe")
+        row = layout.row()
+        row.active = settings.points is not None
+        row.prop(settings, "show_points")
 
 
 class VIRTUAL_APERTURE_PT_render(ClosedPanel, bpy.types.Panel):  # noqa: N801
