@@ -20,27 +20,9 @@ from ..scene.sources import clip, shot
 from . import panels
 from .base import solving
 from .base.operators import classes_of
-from .focus import (
-    bokeh,
-    focus_list,
-    focus_strip,
-    lens_camera,
-    lens_presets,
-    repair_list,
-    subjects,
-    thumbnails,
-)
+from .focus import bokeh, focus_list, focus_strip, lens_presets, repair_list, subjects, thumbnails
 from .footage import choose_clip, file_import, find_clip, import_solve, photos, restore, solve, solve_view
-from .jobs import (
-    depth_ahead,
-    export,
-    first_person,
-    grade_nodes,
-    movie,
-    quit_question,
-    render_clip,
-    report_list,
-)
+from .jobs import add, depth_ahead, export, first_person, movie, quit_question, render_clip, report_list
 from .panels import engine_panels, live_preview, preferences, wipe
 from .picking import paint_repair, pick_focus, pick_subject, pick_vertices, points_overlay, set_scale
 
@@ -50,9 +32,9 @@ LEFT = 2.0
 CLASSES = (
     engine.VirtualApertureEngine,
     *classes_of(
-        preferences, choose_clip, depth_ahead, solve, movie, render_clip, export, grade_nodes, quit_question,
+        preferences, choose_clip, depth_ahead, solve, movie, render_clip, export, add, quit_question,
         find_clip, restore, photos, pick_vertices, focus_list, focus_strip, pick_focus, pick_subject,
-        paint_repair, subjects, repair_list, import_solve, file_import, lens_presets, lens_camera, set_scale,
+        paint_repair, subjects, repair_list, import_solve, file_import, lens_presets, set_scale,
         report_list, live_preview, wipe,
     ),
     *panels.CLASSES,

@@ -127,16 +127,12 @@ def assemble(
     the images in front of which it lies. `xyz` is (m, 3), `rgb` (m, 3) in [0, 255].
     """
     _, kept = np.unique(observations.image * len(xyz) + observations.point, return_index=True)
-    image, point, xy = (
-        observations.image[kept],
-        observations.point[kept].astype(np.int32),
-        observations.xy[kept],
-    )
+    image, point, xy = observations.image[kept], observations.point[kept], observations.xy[kept]
     sums, counts = np.zeros(len(xyz)), np.zeros(len(xyz))
     whole = []
     for bare in images:
         start, stop = np.searchsorted(image, [bare.frame, bare.frame + 1])
-        seen, place = point[start:stop], xy[start:stop]
+        seen, place = point[start:stop].astype(np.int32), xy[start:stop]
         local = bare.to_camera(xyz[seen])
         with np.errstate(over="ignore", invalid="ignore"):
             miss = np.linalg.norm(cameras[bare.camera].project(local) - place, axis=1)

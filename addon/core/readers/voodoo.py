@@ -56,19 +56,12 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
             text.back()
             break
         values = text.row(words, NUMBERS, f"the {NUMBERS} numbers of a camera")
-        intrinsics, rotation, miss = _camera(text, values)
-        distorted |= intrinsics.is_distorted
+        camera, rotation, miss = _camera(text, values)
+        distorted |= camera.is_distorted
         worst = max(worst, miss)
-        key = (
-            intrinsics.width,
-            intrinsics.height,
-            *values[12:14].tolist(),
-            intrinsics.fx,
-            intrinsics.fy,
-            intrinsics.cx,
-            intrinsics.cy,
-        )
-        index, _ = lenses.setdefault(key, (len(lenses), intrinsics))
+        place = (camera.fx, camera.fy, camera.cx, camera.cy)
+        key = (camera.width, camera.height, *values[12:14].tolist(), *place)
+        index, _ = lenses.setdefault(key, (len(lenses), camera))
         pose = (rotation, -rotation @ values[:3])
         images.append(Image(len(images), *pose, camera=index))
         names.append(name)

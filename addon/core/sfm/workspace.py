@@ -257,12 +257,8 @@ def keep_import(found: Imported, footage: Footage, work_dir: Path, again: bool =
         model = staging.folder / MODEL
         model.mkdir()
         write_model(model, reconstruction)
-        said: dict[str, Any] = {
-            "focal_from": "file",
-            "method": found.format,
-            "notes": [*footage.notes, *found.notes],
-        }
-        said["observed"] = not found.projected
+        notes = [*footage.notes, *found.notes]
+        said = {"focal_from": "file", "method": found.format, "notes": notes, "observed": not found.projected}
         staging.keep(footage, clip_identity, {"imported": found.format}, said)
     finally:
         staging.discard()
