@@ -8,8 +8,6 @@ their progress. All but `solve` open a scene of their own and thereby close the 
 run without a window alone: `blender -b --python SCRIPT.py`.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from os import PathLike

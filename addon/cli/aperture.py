@@ -1,7 +1,5 @@
 """The shape of the aperture on the command line: `--aperture blades=6 rotation=15`."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from pathlib import Path

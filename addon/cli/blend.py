@@ -1,7 +1,5 @@
 """Scenes that are opened from .blend files, as other processes and machines are sent them."""
 
-from __future__ import annotations
-
 import uuid
 from pathlib import Path
 

@@ -4,8 +4,6 @@ A Blender without the extension ends with status 1 and an error about the comman
 renders instead.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

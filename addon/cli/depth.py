@@ -1,7 +1,5 @@
 """Depth of a clip, found ahead of renders and kept beside its solve."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Sequence
 

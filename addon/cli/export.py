@@ -1,7 +1,5 @@
 """The command that exports a solved clip for other programs."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The commands for farms: a job's bundle, and joining the frames that its machines rendered."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import re

@@ -4,8 +4,6 @@ A template of Open Job Description names its folders by parameters. Flamenco and
 for them name the bundle by its absolute path, and all machines must see it.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import sys

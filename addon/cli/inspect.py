@@ -1,7 +1,5 @@
 """The command that shows what a frame is drawn from."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

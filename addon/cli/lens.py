@@ -1,7 +1,5 @@
 """The options of a lens on the command line, and the scene that gets it."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Sequence

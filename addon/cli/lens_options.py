@@ -1,7 +1,5 @@
 """The options of a lens on the command line, their checks, and files of them."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

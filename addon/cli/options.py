@@ -1,7 +1,5 @@
 """The parser of the command line, and the types of its options; errors have one line."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import os

@@ -1,7 +1,5 @@
 """The command that measures how far a place of the picture is."""
 
-from __future__ import annotations
-
 import argparse
 
 from ..core.focus.place import Place

@@ -1,7 +1,5 @@
 """How many processes a command takes."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext

@@ -1,7 +1,5 @@
 """The command that makes a .blend, with all that it needs beside it, to open or to send."""
 
-from __future__ import annotations
-
 import argparse
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The commands that make a solve, import one and judge one."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

@@ -1,7 +1,5 @@
 """Subjects on the command line: strokes that mark them, and focus on one."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Names of the remedies of errors on the command line."""
 
-from __future__ import annotations
-
 from ..core.base.errors import Remedy, Words
 from ..core.base.limits import KEPT_DEPTH
 

@@ -1,7 +1,5 @@
 """The render engine: F12, Ctrl-F12 and `blender -b file.blend -a` give the frames of the simulated lens."""
 
-from __future__ import annotations
-
 import time
 import traceback
 from collections.abc import Callable, Iterator

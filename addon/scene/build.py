@@ -1,7 +1,5 @@
 """Bring a solved clip into a Blender scene: one collection, one root, everything under it."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import math

@@ -1,7 +1,5 @@
 """Which objects of a scene are CG objects, drawn into the clip, and how they are split in layers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import bpy

@@ -1,7 +1,5 @@
 """Settings of the clip: its path, lens, masks, depth maps, and the frames of its solve."""
 
-from __future__ import annotations
-
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 

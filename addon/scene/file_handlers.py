@@ -1,7 +1,5 @@
 """Scenes that are saved, and scenes that are appended from another .blend."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

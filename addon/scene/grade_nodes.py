@@ -1,7 +1,5 @@
 """Compositor nodes that grade a range of distances by its matte: exposure, saturation, haze."""
 
-from __future__ import annotations
-
 import bpy
 
 from .passes import RANGE_MATTE

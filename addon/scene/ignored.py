@@ -1,7 +1,5 @@
 """Settings of a scene that our renders ignore."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Settings of the lens: focus, blur and aperture."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import bpy

@@ -1,7 +1,5 @@
 """Our objects in a scene: which are missing because the user deleted them, and which other scenes share."""
 
-from __future__ import annotations
-
 import bpy
 
 from .sources.shot import IDENTITY

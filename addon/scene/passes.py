@@ -1,7 +1,5 @@
 """Which passes a view layer asks for, besides those that Blender itself has switches of."""
 
-from __future__ import annotations
-
 import bpy
 from bpy.props import BoolProperty, FloatProperty, PointerProperty
 

@@ -1,7 +1,5 @@
 """Settings of the preview."""
 
-from __future__ import annotations
-
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 

@@ -1,7 +1,5 @@
 """The user's settings, kept in the .blend as property groups of the scene."""
 
-from __future__ import annotations
-
 import bpy
 from bpy.props import (
     BoolProperty,

@@ -1,7 +1,5 @@
 """Everything that is registered with Blender, in one ordered list."""
 
-from __future__ import annotations
-
 import bpy
 
 from ..core.base.job import end_all

@@ -1,7 +1,5 @@
 """Types of the arrays that the core passes around; functions document their axes and units."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

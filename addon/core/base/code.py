@@ -1,7 +1,5 @@
 """Digest of the add-on's own code, which identifies the version that made a result."""
 
-from __future__ import annotations
-
 import hashlib
 from functools import cache
 from pathlib import Path

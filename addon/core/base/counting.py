@@ -1,7 +1,5 @@
 """Numbers and their nouns in messages."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

@@ -5,8 +5,6 @@ size, inode, and times of modification and change in ns; for large files also on
 The time of change, which no program can set, reveals a modification time that was put back. Windows has none.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """The error type for problems that the user can solve."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
 

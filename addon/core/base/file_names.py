@@ -1,7 +1,5 @@
 """Checks of the names of files and folders."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Locks against two solves in one working folder, or two runs for one movie."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 

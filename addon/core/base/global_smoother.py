@@ -1,7 +1,5 @@
 """OpenCV's fast global smoother with results that do not depend on the number of threads."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Child processes that report progress and end with their parent."""
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import os

@@ -1,7 +1,5 @@
 """The user's limits: threads and bytes of kept depth. Child processes inherit them from the environment."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Free memory, memory errors, and the C library's reuse of memory."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import errno

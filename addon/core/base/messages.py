@@ -4,8 +4,6 @@
 Progress(stage='depth', done=3, total=118, frame=None, share=None)
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

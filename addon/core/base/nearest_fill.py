@@ -1,7 +1,5 @@
 """Filling of unknown pixels from known ones."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

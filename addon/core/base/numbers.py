@@ -4,8 +4,6 @@ Python's own `int` and `float` accept more: `nan`, `inf`, `1_000`, digits of eve
 infinity.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

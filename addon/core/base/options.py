@@ -11,8 +11,6 @@ Traceback (most recent call last):
 UserError: sharpening cannot be 3; give a number from 0 to 2
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any

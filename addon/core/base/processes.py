@@ -1,7 +1,5 @@
 """Identification of processes: numbers are unique within one boot of a kernel and one namespace."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import os

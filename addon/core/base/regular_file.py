@@ -3,8 +3,6 @@
 Pipes wait for a writer, devices such as /dev/zero never end, and a size within a file can be any number.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """Reuse of the memory of large arrays from frame to frame."""
 
-from __future__ import annotations
-
 import math
 import sys
 

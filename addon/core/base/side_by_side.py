@@ -1,7 +1,5 @@
 """Parallel work on many items."""
 
-from __future__ import annotations
-
 from _thread import allocate_lock
 from collections.abc import Callable, Iterable
 

@@ -4,8 +4,6 @@ A render whose lines went to `head -1` or to a closed terminal is finished. Afte
 full disk, the work continues, too, and `check` reports them.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

@@ -1,7 +1,5 @@
 """Requirements of the bundled libraries for the operating system."""
 
-from __future__ import annotations
-
 import platform
 
 from .errors import UserError

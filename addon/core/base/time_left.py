@@ -1,7 +1,5 @@
 """Estimates of the time left, from the elapsed time."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

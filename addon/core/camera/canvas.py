@@ -1,7 +1,5 @@
 """Undoing lens distortion before the warp, and putting it back afterwards."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache

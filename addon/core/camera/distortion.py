@@ -5,8 +5,6 @@ coordinates seen through the lens: the angle to the axis of a fisheye (`Arc`) in
 (`Brown`), whose inverse is Newton's. Only rays ahead of the camera are known.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,7 +1,5 @@
 """Focal lengths in pixels from the figures on lenses and in data sheets."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

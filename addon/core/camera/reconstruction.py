@@ -4,8 +4,6 @@ Conventions are COLMAP's: world-to-camera poses, camera axes x right, y down, z 
 first pixel at (0.5, 0.5). All geometry is float64.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

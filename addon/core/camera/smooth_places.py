@@ -1,7 +1,5 @@
 """Places that a smooth map gives to all pixels of a picture, from those that it gives to few."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 

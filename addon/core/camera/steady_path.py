@@ -6,8 +6,6 @@ Whittaker's method, with the least sum of squared distances to the path and of s
 dolly's path stays unchanged. Smoothing is limited by the pixels that the clip shows.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

@@ -4,8 +4,6 @@ Red is u, from 0 at the left edge of the other picture to 1 at its right edge; g
 bottom edge to 1 at its top edge. The centre of the first of w pixels is at 0.5 / w. Blue is 0.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..base.arrays import Floats, Map, pixel_centres

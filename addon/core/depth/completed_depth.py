@@ -4,8 +4,6 @@ Stereo decides where it is sure. On plain walls, gloss, or moving objects it is 
 but not their position: it bends and drifts. There the map is used, tied to the sure depth around it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import cv2

@@ -1,7 +1,5 @@
 """Depth between sparse points, and smooth surfaces."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

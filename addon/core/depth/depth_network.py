@@ -1,7 +1,5 @@
 """The user's own depth network, an ONNX file that OpenCV runs: a picture in, a map of inverse depth out."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager

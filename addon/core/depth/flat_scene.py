@@ -1,7 +1,5 @@
 """Depth of a clip without parallax: a level ground, a far wall, and subjects upright on the ground."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Depth found in a small picture for every pixel of the large one."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -4,8 +4,6 @@ A map holds depth or inverse depth (disparity, but for a factor), with any scale
 and sensors write them. The feature points of the reconstruction determine kind, scale and shift.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

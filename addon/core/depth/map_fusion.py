@@ -1,7 +1,5 @@
 """Depth maps of several frames in one frame's place, fused, and filled where they know nothing."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """The outline of moving objects at a frame's own size, and their depth up to it."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -4,8 +4,6 @@ Neighbour frames are chosen by baseline; a plane sweep over them, regularised by
 each pixel's inverse depth. Moving pixels of a mask have no depth here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

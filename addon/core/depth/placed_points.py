@@ -4,8 +4,6 @@ Such a clip has no parallax, so the kind of the maps follows from the maps alone
 picture in inverse depth only.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

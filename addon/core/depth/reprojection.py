@@ -1,7 +1,5 @@
 """Depth of one frame where another one sees it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

@@ -3,8 +3,6 @@
 Hirschmueller, "Stereo processing by semiglobal matching and mutual information", 2008.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import cv2

@@ -1,7 +1,5 @@
 """The interface of all sources of a frame's depth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """Depth of a frame's feature points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The feature points as a source of depth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..base.arrays import LinearRGBA

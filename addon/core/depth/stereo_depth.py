@@ -1,7 +1,5 @@
 """Depth found in the clip itself, by stereo fused over time, as a source of depth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """Depth of subjects: each gets its distance after the static scene is known, upright where it stands."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The user's own depth maps, read from files or made by a network. `map_fit` finds their kind and unit."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

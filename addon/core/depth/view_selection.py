@@ -1,7 +1,5 @@
 """Choice of source views for a frame's depth, by the parallax of the scene's depths."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

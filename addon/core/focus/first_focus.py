@@ -1,7 +1,5 @@
 """Default focus before a pick: the nearest large object near the centre."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..base.arrays import Floats, Ints

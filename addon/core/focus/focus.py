@@ -1,7 +1,5 @@
 """The focal plane, and the aperture that gives a wanted blur."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A place on something that moves by itself, followed through the clip by optical flow, and its depth."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

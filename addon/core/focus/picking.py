@@ -1,7 +1,5 @@
 """The feature points for a click on the picture."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

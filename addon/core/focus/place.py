@@ -1,7 +1,5 @@
 """Focus at a place of the picture: the surface of its pixel, by feature points if they are near."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

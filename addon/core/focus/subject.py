@@ -1,7 +1,5 @@
 """A whole subject in focus: its distance in every frame that shows it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 
 import cv2

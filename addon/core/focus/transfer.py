@@ -1,7 +1,5 @@
 """A focus carried from one reconstruction of a clip to another one of the same clip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

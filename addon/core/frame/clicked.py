@@ -1,7 +1,5 @@
 """Focus by a click on a known subject or on one that the click marks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

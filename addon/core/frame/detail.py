@@ -1,7 +1,5 @@
 """Functions of the blur disc drawn through the views, such as the sharpness of smaller frames."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

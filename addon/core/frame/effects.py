@@ -4,8 +4,6 @@ Each acts before the mesh is made, on the mean of the views, or on the finished 
 in the order in which they act; a new one is a file and a line here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

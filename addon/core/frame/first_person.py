@@ -1,7 +1,5 @@
 """The nearest subject of a clip, which is the default focus, and the scale by the height of people."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The path of a frame: its picture and depth, layers, views through the lens, their mean, and effects."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

@@ -5,8 +5,6 @@ remaining noise. It is painted on the frame's own mesh and drawn by its own view
 right.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

@@ -7,8 +7,6 @@ image generation with a lens and aperture camera model", 1982, spread every pixe
 clip the disc as they clip the views (`highlight_surfaces.py`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -4,8 +4,6 @@ The way from a highlight to the aperture is searched for surfaces as in Policarp
 "Real-time relief mapping on arbitrary polygonal surfaces", 2005.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

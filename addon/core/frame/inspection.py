@@ -3,8 +3,6 @@
 All are (H, W, 3) uint8 sRGB in the geometry of the source frame.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

@@ -1,7 +1,5 @@
 """Focus that follows the nearest person of each frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """All options of a frame by their names in .blend files, command line and presets."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -3,8 +3,6 @@
 All are (H, W) float32 of the sharp frame, in its own geometry; neighbouring pixels are not mixed.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

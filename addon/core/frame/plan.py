@@ -1,7 +1,5 @@
 """The plan of a frame, which the renderer follows: its warp mesh and virtual cameras."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

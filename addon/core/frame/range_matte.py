@@ -4,8 +4,6 @@ The range is painted on the frame's own mesh and drawn by its own views. So the 
 picture at every silhouette, and includes the surfaces that an aperture sees behind one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Depth of frames as the user's repairs leave it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Repairs of depth: strokes that the user paints over a mistake, carried through the clip by optical flow."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace

@@ -5,8 +5,6 @@ warped affinely between its vertices; for one 64 pixels wide, a rotation of two 
 leaves an error of a fortieth of a pixel.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

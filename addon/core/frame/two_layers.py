@@ -1,7 +1,5 @@
 """A sharp frame in two layers for other programs: visible and hidden surfaces."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 

@@ -6,8 +6,6 @@ vignetting). The straight edges of a matte box before the lens cut in the same w
 kept: the remaining light is normalised.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Data of a frame before its mesh is made, with its mesh, and with its views."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The identity of a clip, independent of its path and name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ..base.digest import Files

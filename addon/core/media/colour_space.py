@@ -5,8 +5,6 @@ the luminance between them (ITU-R BT.2100-3, table 5). Which curve and which mat
 Blender's own colour configuration is asked (`scene/sources/colour_space.py`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """Which frame of a clip a movie of a constant rate shows when."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Opening video files with FFmpeg (PyAV): plain files of known kinds, nothing that leads to other files."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Copies of clips and pictures, so that a folder holds all that it needs."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 CIPA DC-008, "Exchangeable image file format for digital still cameras: Exif Version 2.32", 2019.
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ Blender writes such files from renders only, with its own names; other writers a
 `picture_file`).
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Mapping

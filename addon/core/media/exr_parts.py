@@ -4,8 +4,6 @@ Blender's decoder reads files of one layer only, and returns the pixels of the d
 are not changed: only the header gets other names ("OpenEXR File Layout").
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Search for a clip that was moved, by its name and content."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Stored pixels as linear light, as display values, and as 8-bit pictures."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

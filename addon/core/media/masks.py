@@ -1,7 +1,5 @@
 """The user's masks of moving pixels, read and scaled to the clip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

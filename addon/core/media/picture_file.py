@@ -1,7 +1,5 @@
 """Reading picture files: PNG, JPEG, TIFF and EXR, and the arrays that depth networks write."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from pathlib import Path

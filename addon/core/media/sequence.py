@@ -1,7 +1,5 @@
 """The pictures of a sequence: which files of a folder they are, and the frame numbers in their names."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePosixPath

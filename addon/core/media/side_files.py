@@ -1,7 +1,5 @@
 """Pictures that lie beside a clip, a depth map or a mask for each frame: which belongs to which."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Self

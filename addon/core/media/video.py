@@ -8,8 +8,6 @@ wheels are 19 to 35 MB, one a platform for Python 3.12 and later: a fifth of the
 Linux, 131 on Windows, 116 on macOS), for clips that are read right.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -5,8 +5,6 @@ focal plane are blurred into the aperture's shape, things in front of it into th
 and units are those of Blender's `Camera.dof`, where it has them.
 """
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

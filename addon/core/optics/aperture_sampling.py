@@ -1,7 +1,5 @@
 """Positions of the virtual cameras on the virtual aperture, and how many are needed."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pictures of an aperture for panels and lists: a point of light far behind the focal plane."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGB

@@ -1,7 +1,5 @@
 """Focus breathing: a lens that focuses nearer is farther from its sensor, and sees less."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

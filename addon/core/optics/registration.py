@@ -1,7 +1,5 @@
 """How a view from a place on the aperture is brought into register with the focal plane."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..base.arrays import Floats

@@ -5,8 +5,6 @@ The zone takes a range of contrasts to nearly 0 and scales the rest, in front an
 strengths. The map is monotone, so that occlusion stays right, and it can be inverted.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

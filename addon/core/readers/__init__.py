@@ -1,7 +1,5 @@
 """Readers of other programs' camera solves: each format is imported as a solve of the clip."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 from typing import Protocol

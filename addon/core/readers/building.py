@@ -1,7 +1,5 @@
 """Lenses, poses and observations from the numbers in text formats."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -4,8 +4,6 @@ P = R X + t, p = -P.xy / P.z, pixel = f (1 + k1 |p|^2 + k2 |p|^4) p from the pic
 camera looking down -z (Snavely, Bundler v0.4 User's Manual).
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -15,8 +15,6 @@ Depth Anything 3 (exported as npz): depth (n, h, w), extrinsics (n, 3 or 4, 4) w
 3, 3) for pictures of the depth's size.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ The images hold their poses in every version, so rigs and frames (COLMAP 4) are 
 https://colmap.github.io/format.html
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ..base.errors import UserError

@@ -1,7 +1,5 @@
 """COLMAP's binary files: little-endian, without padding, each count before its items."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

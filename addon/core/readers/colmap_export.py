@@ -3,8 +3,6 @@
 A point's row is its POINT3D_ID. In our working folders, an image's name ends in its frame number.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Tables of a COLMAP model from text or binary files, their check and assembly."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

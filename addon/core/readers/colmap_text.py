@@ -1,7 +1,5 @@
 """COLMAP's text files: one line a camera or point, two an image, comments after `#`."""
 
-from __future__ import annotations
-
 import codecs
 import re
 from collections.abc import Callable, Iterator, Sequence

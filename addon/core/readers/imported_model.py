@@ -1,7 +1,5 @@
 """The common result of all readers, before it is matched with the clip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..camera.reconstruction import Reconstruction

@@ -4,8 +4,6 @@ Images match by file name and its folders, by name without extension, by the num
 counts are equal, by order.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Callable, Sequence

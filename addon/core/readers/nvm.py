@@ -6,8 +6,6 @@ features are relative to the principal point, and its radial parameter r undisto
 -k1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

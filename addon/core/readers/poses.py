@@ -1,7 +1,5 @@
 """Models from tables of poses and lenses without points."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

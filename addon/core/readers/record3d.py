@@ -7,8 +7,6 @@ nerfstudio 1.1). Depth and confidence are packed as LZFSE, for which there is no
 ignored.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import zipfile

@@ -7,8 +7,6 @@ confidence/000000.png, 0 to 2. The app turns ARKit's cameras to look along +z wi
 frame.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -6,8 +6,6 @@ instant-ngp may give the angle of view instead, and no camera model. Layout: ner
 "Data conventions", and its cameras.py), instant-ngp's docs/nerf_dataset_tips.md.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

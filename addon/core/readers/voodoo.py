@@ -7,8 +7,6 @@ where 0 is the centre of the first pixel (the file's own header; CAHV: Yakimovsk
 axes are ours.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 The process that asked for it remembers the result, so that the clip opens at once then.
 """
 
-from __future__ import annotations
-
 import sys
 from contextlib import ExitStack
 from functools import partial

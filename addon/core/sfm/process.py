@@ -1,7 +1,5 @@
 """Solving a clip in a worker process."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

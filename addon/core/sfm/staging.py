@@ -1,7 +1,5 @@
 """Atomic placement of a solve in a working folder, in whatever way its process ends."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

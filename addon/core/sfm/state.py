@@ -1,7 +1,5 @@
 """The state of a working folder: `solve.json`, read and checked, and its model."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The solving worker: `python -m addon.core.sfm.worker JOB.json`, a child as `base.messages` has it."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -5,8 +5,6 @@ DIR/model/       the reconstruction as a COLMAP text model; for our own solves a
                  points of frames
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

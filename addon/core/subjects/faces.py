@@ -1,7 +1,5 @@
 """Faces of people."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

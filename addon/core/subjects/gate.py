@@ -5,8 +5,6 @@ between a pole and the wall behind it slides, and so does a reflection. On a mov
 tracks contradict it.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The soft outline of a subject at a frame's own size."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

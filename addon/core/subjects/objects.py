@@ -1,7 +1,5 @@
 """Moving objects of a clip that are not people, each as the strokes that mark it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Automatic detection of the people in a clip."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

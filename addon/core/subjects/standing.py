@@ -1,7 +1,5 @@
 """Distances of a clip's subjects by their contact with the ground."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

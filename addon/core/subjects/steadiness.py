@@ -1,7 +1,5 @@
 """In which frames what moves is found otherwise than in those before, more than a subject can change."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """Strokes by which the user marks a subject."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Mapping, Sequence

@@ -7,8 +7,6 @@ over the aperture for the same reason; the footprint of a texture is Heckbert's,
 mapping and image warping", 1989.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial

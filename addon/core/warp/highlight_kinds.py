@@ -4,8 +4,6 @@ A rim hardly constrains a very bright lamp, but the lamps of a clip are of few k
 give the prior of each (`kinds_of`), and a colour prior completes the rim's colour (`tints`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -12,8 +12,6 @@ heuristics that brighten clipped areas; Banterle et al., "Inverse tone mapping",
 pixels. Neither preserves energy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache

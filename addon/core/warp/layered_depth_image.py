@@ -6,8 +6,6 @@ focal length. So a bound in pixels fits any scene and aperture, and float32 is e
 sharp.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

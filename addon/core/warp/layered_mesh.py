@@ -1,7 +1,5 @@
 """Warp mesh and texture of a frame with dense depth: its layers in one mesh."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

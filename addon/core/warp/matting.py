@@ -1,7 +1,5 @@
 """Matting of mixed pixels: alpha and colours of the two surfaces at a silhouette."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import cv2

@@ -4,8 +4,6 @@ Between cameras with parallel axes, a plane's triangle is warped affinely and it
 the picture, so pixels and inverse depths of vertices define all views.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -5,8 +5,6 @@ drawn over all of it, and the near one's picture is transparent past the silhoue
 meet, cells of a pixel are cut between them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

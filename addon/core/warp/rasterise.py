@@ -6,8 +6,6 @@ four times, each moved by a thousandth of a pixel, it is complete with errors up
 small triangles (57 ms for 8,064).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..base.arrays import Floats, Ints

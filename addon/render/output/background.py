@@ -4,8 +4,6 @@ Blender itself ends with status 0 after an engine's error, and does not check it
 status.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files of a solved clip for other programs: its frames in two layers, and its lens as STMaps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

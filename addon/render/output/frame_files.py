@@ -5,8 +5,6 @@ processes can write into one folder, and a moved or copied file keeps its key. A
 bytes is there, too: programs that edit pictures keep such notes.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 import zlib

@@ -1,7 +1,5 @@
 """Keys of rendered frames: digests of the contents of all inputs, not of names and places."""
 
-from __future__ import annotations
-
 import hashlib
 
 import bpy

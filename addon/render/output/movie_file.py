@@ -1,7 +1,5 @@
 """Pictures on disk become a movie with the clip's times and sound, by Blender's own encoder."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path

@@ -3,8 +3,6 @@
 A mark in it names its owner, and only files of this program are replaced or removed there.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 from pathlib import Path

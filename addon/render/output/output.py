@@ -1,7 +1,5 @@
 """Frames and movies through Blender's own output: written beside, read back, only then moved into place."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext

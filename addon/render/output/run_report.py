@@ -1,7 +1,5 @@
 """The report on a run of frames: one entry a frame in a file, and a line at the end."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """Scenes as .blend files for other processes and machines."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

@@ -1,7 +1,5 @@
 """Several processes that render shares of the same frames side by side, on one machine."""
 
-from __future__ import annotations
-
 import itertools
 import time
 from collections.abc import Callable, Sequence

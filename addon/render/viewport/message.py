@@ -1,7 +1,5 @@
 """A message over a viewport's picture: light on a dark ground, in as many lines as it takes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import blf

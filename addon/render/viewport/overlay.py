@@ -1,7 +1,5 @@
 """Drawing over 3D viewports, in pixels of their main region, (0, 0) bottom left."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

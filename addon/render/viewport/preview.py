@@ -3,8 +3,6 @@
 Another process makes it (`render.processes.clip_process`), one picture at a time, the last one requested.
 """
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -6,8 +6,6 @@ separate texture, which Blender lays over the engine's once that has the scene's
 in that texture is therefore removed again, and the picture below is visible, in the colours of a render.
 """
 
-from __future__ import annotations
-
 import contextlib
 import time
 from dataclasses import dataclass

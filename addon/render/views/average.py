@@ -1,7 +1,5 @@
 """Drawing of frames with the views of Blender's GPU module."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

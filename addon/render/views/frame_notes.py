@@ -1,7 +1,5 @@
 """Notes of the last render on single frames, kept for the panel until the next render."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import bpy

@@ -1,7 +1,5 @@
 """Sizes in pixels of Blender's render settings."""
 
-from __future__ import annotations
-
 import bpy
 
 

@@ -4,8 +4,6 @@ A view of a triangle is an affine warp (see `core.warpmesh`), so a vertex shader
 their inverse depth draws exactly what a virtual pinhole camera sees.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import sys

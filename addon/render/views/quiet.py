@@ -1,7 +1,5 @@
 """Keeping Blender's own chatter out of the command line's few lines."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Blender's handlers for state that lasts from one render to the next."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Blender's own EXR decoder for the core, which has none."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy  # noqa: F401 - without it there is no imbuf

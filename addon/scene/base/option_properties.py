@@ -1,7 +1,5 @@
 """Blender properties made from declared options (`core/base/options.py`)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 

@@ -3,8 +3,6 @@
 Blender does this for the paths of images and sounds, and not for those of property groups.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

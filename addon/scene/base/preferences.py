@@ -1,7 +1,5 @@
 """The extension's preferences, as the scene's parts ask for them."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Having what is shown drawn again."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import bpy

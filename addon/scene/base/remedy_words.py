@@ -1,7 +1,5 @@
 """Names of the remedies of errors in the interface."""
 
-from __future__ import annotations
-
 from ...core.base.errors import Remedy, Words
 
 WORDS: Words = {

@@ -5,8 +5,6 @@ evaluates animation at the remapped time; the clip has whole frames only, and on
 begins.
 """
 
-from __future__ import annotations
-
 import math
 
 import bpy

@@ -1,7 +1,5 @@
 """The version of the settings that a scene holds."""
 
-from __future__ import annotations
-
 import bpy
 
 from ...core.base.errors import UserError

@@ -1,7 +1,5 @@
 """Clicks on the camera's picture, as the scene has its clip and subjects."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
 

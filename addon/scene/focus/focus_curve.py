@@ -5,8 +5,6 @@ Jitter at frames that do not show a followed place: the dope sheet has a colour 
 curve belongs to the user: marks do not write it until the user allows it.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 

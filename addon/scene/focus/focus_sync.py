@@ -1,7 +1,5 @@
 """Chooses the aperture after an object is put in focus in the camera's properties, without an event."""
 
-from __future__ import annotations
-
 import bpy
 from bpy.app.handlers import persistent
 

@@ -1,7 +1,5 @@
 """Places and marks of the focus as they are kept in the .blend, and as the core has them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import bpy

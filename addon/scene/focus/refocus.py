@@ -1,7 +1,5 @@
 """The focus of a scene, kept over a new solve of the same clip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 A real GPU is used if its result agrees with the processor's.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import tempfile

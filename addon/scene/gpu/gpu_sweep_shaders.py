@@ -4,8 +4,6 @@ Each does what the function it names does in NumPy and OpenCV. A texel holds fou
 layer of a texture the next four. Pictures' rows count from the top in all of them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import gpu

@@ -4,8 +4,6 @@ With a window open, a render thread that holds the GPU stops the main thread at 
 interface would freeze and never see ESC. So the main thread itself draws, a little between its own events.
 """
 
-from __future__ import annotations
-
 import time
 from _thread import get_ident
 from collections import deque

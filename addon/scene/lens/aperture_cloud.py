@@ -1,7 +1,5 @@
 """The virtual cameras shown as points over the aperture, in front of the actual camera."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -4,8 +4,6 @@ An object in focus there is in focus here, too. The focus distance follows ours 
 renders and the viewport show it; it has no influence.
 """
 
-from __future__ import annotations
-
 import bpy
 
 from ...core.base.errors import UserError

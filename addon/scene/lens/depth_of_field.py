@@ -5,8 +5,6 @@ is known, and the f-stop is focal length / (2 R), both in metres. Until then `sc
 Blur, radius and f-stop are three views of one number; the radius R is stored.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager

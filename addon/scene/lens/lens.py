@@ -6,8 +6,6 @@ and focus, and editing it sets the radius. A keyed blur counts at every frame. T
 wished one: it counts without a focus, or without a chosen radius.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

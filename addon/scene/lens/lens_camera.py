@@ -1,7 +1,5 @@
 """The lens as a camera of Cycles: a custom camera in Open Shading Language, keyed over the scene's frames."""
 
-from __future__ import annotations
-
 import hashlib
 import tempfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Repairs of depth as they are kept in the .blend."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import bpy

@@ -1,7 +1,5 @@
 """Camera formats, and metres that a unit of the scene is long: as given, guessed by people, or assumed."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Cameras of the reconstruction as Blender cameras."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import bpy

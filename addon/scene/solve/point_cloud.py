@@ -1,7 +1,5 @@
 """The feature points as a mesh whose vertices can be picked."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 

@@ -4,8 +4,6 @@ Object transforms and vertices are float32 and a user may edit them, so the engi
 from motion found from custom property arrays of the point cloud's mesh, where it is kept to the last bit.
 """
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 from numpy.typing import NDArray

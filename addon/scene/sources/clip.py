@@ -1,7 +1,5 @@
 """The clip of a scene's solve: whether the path leads to it, and where it is if not."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path

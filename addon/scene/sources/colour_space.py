@@ -1,7 +1,5 @@
 """Colour spaces as Blender's own colour configuration knows them, taken apart for the core."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import bpy

@@ -1,7 +1,5 @@
 """Digests of a frame's inputs besides files."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Blender's mask datablock as a mask of moving pixels: its splines, frame by frame."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Blender's solver is libmv. There pictures have x to the right and y up, in pixel
 of the picture (not from the centre of a pixel), and where pixels are not square y counts in their widths.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -6,8 +6,6 @@ and lens are those of Blender's renders, with constraints, parents and drivers; 
 offset.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import bpy

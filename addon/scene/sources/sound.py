@@ -1,7 +1,5 @@
 """The sound of a clip as a strip of the scene's sequencer, so that movie output carries it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

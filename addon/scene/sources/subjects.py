@@ -1,7 +1,5 @@
 """Subjects that the user marks by strokes, as they are kept in the .blend."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from itertools import count
 

@@ -1,7 +1,5 @@
 """Operators that wait for one piece of work in another process."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

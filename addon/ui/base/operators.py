@@ -1,7 +1,5 @@
 """Common code of the operators: polls, with the reason shown on a disabled button, and reports of errors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType

@@ -1,7 +1,5 @@
 """Longer texts in panels."""
 
-from __future__ import annotations
-
 import bpy
 
 from ...render.viewport.message import lines

@@ -1,7 +1,5 @@
 """Work in another process, so that the window stays alive."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """Pictures of apertures as icons: a point of light out of focus, in panels and beside presets."""
 
-from __future__ import annotations
-
 import ast
 from functools import lru_cache
 from pathlib import Path

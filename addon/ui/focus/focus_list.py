@@ -1,7 +1,5 @@
 """The list of focus marks, and the operators of a focus pull."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

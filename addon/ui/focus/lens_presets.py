@@ -4,8 +4,6 @@ The f-stop of a preset counts where the scene's scale is given, else its blur as
 Shipped ones lie in `presets/virtual_aperture/lens`, a user's own in the folder of Blender's presets.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

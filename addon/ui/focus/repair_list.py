@@ -1,7 +1,5 @@
 """The brush and the list of repairs of the depth."""
 
-from __future__ import annotations
-
 import bpy
 
 from ...core.frame.repairs import KINDS

@@ -1,7 +1,5 @@
 """The list of subjects, and the operators that focus on one and carry it through the clip."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any

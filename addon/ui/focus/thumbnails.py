@@ -1,7 +1,5 @@
 """Thumbnails of focus marks: the part of the picture around each place, cut out once in a timer."""
 
-from __future__ import annotations
-
 import contextlib
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Views in the windows after a solve has come into the scene."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Choosing a clip with the file browser."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

@@ -3,8 +3,6 @@
 Blender hands files to a `FileHandler` by their endings, and folders to none: these are for File > Import.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

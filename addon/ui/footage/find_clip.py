@@ -1,7 +1,5 @@
 """Showing where a clip is that does not lie where it lay."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

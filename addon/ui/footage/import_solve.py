@@ -1,7 +1,5 @@
 """Operators that import solves of other programs, or of Blender's own tracker."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Photos in no order: which one is shown and rendered."""
 
-from __future__ import annotations
-
 import bpy
 
 from ...core.base.errors import UserError

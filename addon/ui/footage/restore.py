@@ -1,7 +1,5 @@
 """Bringing back what the user deleted of a solved clip."""
 
-from __future__ import annotations
-
 import bpy
 
 from ...core.base.errors import UserError

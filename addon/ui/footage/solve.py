@@ -1,7 +1,5 @@
 """Solving a clip, and building its solve into the scene."""
 
-from __future__ import annotations
-
 import time
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The clip in the 3D viewport while it is solved, with the features that are found in it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

@@ -1,7 +1,5 @@
 """The operators that add the lens as a camera of Cycles, and the grade of a range to the compositor."""
 
-from __future__ import annotations
-
 import bpy
 
 from ...scene.grade_nodes import add_grade_nodes

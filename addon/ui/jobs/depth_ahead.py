@@ -1,7 +1,5 @@
 """Depth found in the background once a clip is solved: renders and other focuses then need not find it."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 

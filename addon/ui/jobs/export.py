@@ -1,7 +1,5 @@
 """Export: files for other programs, made by another process from a copy of the file."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The nearest subject in focus after a solve, found in the background while nobody has picked a focus."""
 
-from __future__ import annotations
-
 import contextlib
 from dataclasses import dataclass
 from functools import partial

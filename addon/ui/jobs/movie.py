@@ -3,8 +3,6 @@
 The user can continue to work, and output settings of the scene are not touched.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 from pathlib import Path

@@ -5,8 +5,6 @@ has a separate question, and the status bar and the File menu announce the work 
 frames are kept.
 """
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rendering the solved clip: with Blender's own render job, or as a movie."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

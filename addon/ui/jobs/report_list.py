@@ -1,7 +1,5 @@
 """The list of the last render's notes on frames, with a jump to them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import bpy

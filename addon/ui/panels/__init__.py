@@ -1,7 +1,5 @@
 """The sidebar panels: one for the daily work, and below it, closed, the rest in the order of the work."""
 
-from __future__ import annotations
-
 from ..base.operators import classes_of
 from . import clip, focus, lens, main, notices, render, solve
 

@@ -1,7 +1,5 @@
 """The Clip panel: imports of other programs' solves, and the paths of files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

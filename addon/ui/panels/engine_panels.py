@@ -5,8 +5,6 @@ themselves. Without, the Properties editor would have no output path, format, fr
 management.
 """
 
-from __future__ import annotations
-
 import bpy
 
 from ...render.engine import VirtualApertureEngine

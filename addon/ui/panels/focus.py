@@ -1,7 +1,5 @@
 """The Focus panel: the list of focus marks, the distance, tilt, and subjects that move."""
 
-from __future__ import annotations
-
 import bpy
 
 from ...core.base.counting import counted

@@ -1,7 +1,5 @@
 """The Lens panel: presets, scale, the shape of the aperture, and clipped highlights."""
 
-from __future__ import annotations
-
 import bpy
 
 from ...core.base.errors import UserError

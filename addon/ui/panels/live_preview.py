@@ -1,7 +1,5 @@
 """The live preview: a viewport in Rendered shading that looks through the solved camera."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

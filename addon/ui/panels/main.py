@@ -1,7 +1,5 @@
 """The first panel: all of the daily work, with the next step as its large button."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

@@ -1,7 +1,5 @@
 """Warnings: a line each in the main panel, and a popover with the whole text and the way out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

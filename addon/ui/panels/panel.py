@@ -1,7 +1,5 @@
 """Common code of the panels of the sidebar."""
 
-from __future__ import annotations
-
 import bpy
 
 from ...scene.base import version

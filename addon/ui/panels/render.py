@@ -1,7 +1,5 @@
 """The Preview panel, and the Render panel: frames, output and quality."""
 
-from __future__ import annotations
-
 import bpy
 
 from ...core.frame.meshers import MESHERS

@@ -1,7 +1,5 @@
 """The Solve panel: prior knowledge of the lens, the report on the solve, and advice."""
 
-from __future__ import annotations
-
 import bpy
 
 from ...scene.sources import masks

@@ -1,7 +1,5 @@
 """The line between the clip as it was shot and the frame through the lens, to be dragged in the viewport."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

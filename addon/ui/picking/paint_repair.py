@@ -1,7 +1,5 @@
 """Painting a repair over a mistake of the depth, in the camera's picture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import bpy

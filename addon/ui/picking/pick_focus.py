@@ -1,7 +1,5 @@
 """The eyedropper of the focus: a click on the camera's picture puts what is there in focus."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import bpy

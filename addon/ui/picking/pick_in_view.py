@@ -1,7 +1,5 @@
 """Operators that take the mouse over the camera's picture, until what is meant is picked."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

@@ -1,7 +1,5 @@
 """Operators that take clicks on the camera's picture, and find how far away what is there is."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

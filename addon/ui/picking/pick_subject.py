@@ -1,7 +1,5 @@
 """Marking a subject by strokes over the camera's picture: the whole of it lights up."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import bpy

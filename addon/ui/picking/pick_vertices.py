@@ -1,7 +1,5 @@
 """Operators of the focus: from vertices, and the list of focus marks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Blender draws vertices without edges black, or orange where the object is select
 They are drawn here over those, which still answer clicks.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

@@ -1,7 +1,5 @@
 """Telling how large the scene is: the length between two places of the picture."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import bpy

@@ -1,7 +1,5 @@
 """Meshers, which make the warp mesh of a frame: each is a module here and a line below."""
 
-from __future__ import annotations
-
 from . import features, layers
 from .thesis import edges, grid, thesis
 

@@ -1,7 +1,5 @@
 """One coarse mesh over the samples of a frame's depth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ...depth.sparse import DepthSamples

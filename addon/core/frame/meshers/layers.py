@@ -1,7 +1,5 @@
 """Dense depth in layers, with hidden surfaces behind silhouettes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

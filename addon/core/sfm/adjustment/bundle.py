@@ -3,8 +3,6 @@
 Points are homogeneous, so that infinity is not a special case.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ for tracked video. Points are homogeneous, so that infinity is not a special cas
 and Fitzgibbon, "Bundle adjustment: a modern synthesis", 2000.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

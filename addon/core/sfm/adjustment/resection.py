@@ -1,7 +1,5 @@
 """Poses of all frames from points that are known, at once."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...base.arrays import Floats, Ints

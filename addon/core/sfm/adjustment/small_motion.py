@@ -5,8 +5,6 @@ cameras about the same place, and one adjustment finds the rest. Points must be 
 frames. Yu and Gallup, "3D reconstruction from accidental motion", 2014.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """A solve in progress: poses of frames and points of tracks, and their refinement."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import cv2

@@ -3,8 +3,6 @@
 Depth must come from elsewhere. Points lie at one distance until then; parallax from the hand is an error.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

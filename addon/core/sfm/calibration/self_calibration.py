@@ -1,7 +1,5 @@
 """Focal lengths as far as a clip determines them, and a test of its depth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -8,8 +8,6 @@ structure from motion", 1991). Solved with a principal point that is held, such 
 and depth is wrong with small errors.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ frame would leave no more than the first, but also explains a camera that moves 
 "Geometric motion segmentation and model selection", 1998.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

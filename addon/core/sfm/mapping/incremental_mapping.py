@@ -9,8 +9,6 @@ adjusted once more. A zoom is taken out of the tracks before, and given back to 
 keyframes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.

@@ -1,7 +1,5 @@
 """The steps by pycolmap: solving keyframes, and adjusting all frames. Worker process only."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 

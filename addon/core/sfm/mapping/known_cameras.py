@@ -3,8 +3,6 @@
 Also thins out clouds that no picture observes.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, replace
 from pathlib import Path

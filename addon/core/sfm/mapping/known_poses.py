@@ -6,8 +6,6 @@ other frame numbers and other focal lengths are tested quickly. Then tracks are 
 weights for disagreeing observations; the remaining disagreement is the reprojection error.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

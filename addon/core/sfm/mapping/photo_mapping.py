@@ -5,8 +5,6 @@ wide angles between the photos determine. With narrow angles both are held at th
 Frahm, "Structure-from-motion revisited", 2016.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

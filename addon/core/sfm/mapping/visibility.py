@@ -7,8 +7,6 @@ be accurate: points with few or inaccurate observations are wrong four times as 
 -m benchmarks.solving.density`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

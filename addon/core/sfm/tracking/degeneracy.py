@@ -1,7 +1,5 @@
 """Checks before solving: motion of the camera, and parallax."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

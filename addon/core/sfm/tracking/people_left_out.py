@@ -1,7 +1,5 @@
 """Leave people out of a clip's tracks, so that cameras are found from the static scene alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import cv2

@@ -4,8 +4,6 @@ SIFT's keypoints (`sift`), of each pair those that are each other's best match. 
 own; places are in pixels of each, the first pixel's middle at (0.5, 0.5).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Pictures of the tracker's work, small enough to be sent to the process that waits for the solve."""
 
-from __future__ import annotations
-
 import base64
 import time
 from collections.abc import Callable

@@ -13,8 +13,6 @@ minimal surfaces and their conjugates", 1993). The paper's weights by colour var
 to 0.16 dB, less than a softer membrane does, and are left out, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -7,8 +7,6 @@ beside it. Where both sides differ there is a row on each side, and the gap betw
 from depth jumps are texture, and are left out: features around know their depth better.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """Triangles whose sides follow the edges of the picture (section 5.2 of the thesis)."""
 
-from __future__ import annotations
-
 from ..features import snapped
 from ..mesher import FrameGeometry, Mesher, Surface
 from .edge_constrained import edge_mesh

@@ -1,7 +1,5 @@
 """The content-preserving warp: a regular grid that follows the samples as stiffly as possible."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

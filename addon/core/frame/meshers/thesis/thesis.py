@@ -1,7 +1,5 @@
 """The thesis's own method, the baseline: pinned corners, random positions, fitted registration."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ....base.arrays import Floats
