@@ -94,8 +94,8 @@ def save(options: argparse.Namespace) -> None:
     write_blend(blend)
     parts = [clip, *pictures]
     home = blend.parent.resolve()
-    beside = (file for path in parts for file in (_files(path) if _real(path) == home else [path]))
-    named = sorted({_real(path).relative_to(home).parts[0] for path in beside})
+    beside = (file for path in parts for file in (_files(path) if path.resolve() == home else [path]))
+    named = sorted({path.resolve().relative_to(home).parts[0] for path in beside})
     # A clip's pictures in the .blend's own folder are many.
     names = ", ".join(named if len(named) <= MOST_NAMED else [named[0], "...", named[-1]])
     if options.pack:
@@ -139,7 +139,7 @@ def _pack(packed: Path, blend: Path, parts: list[Path]) -> None:
     with atomic.staged(packed) as part:
         with zipfile.ZipFile(part, "w", zipfile.ZIP_STORED) as archive:
             for file in [blend, *(file for path in parts for file in _files(path))]:
-                archive.write(file, Path(blend.stem) / _real(file).relative_to(blend.parent.resolve()))
+                archive.write(file, Path(blend.stem) / file.resolve().relative_to(blend.parent.resolve()))
         with zipfile.ZipFile(part) as archive:
             if damaged := archive.testzip():
                 raise UserError(f"{packed} could not be written completely ({damaged}); is the disk full?")
@@ -148,7 +148,3 @@ def _pack(packed: Path, blend: Path, parts: list[Path]) -> None:
 def _files(path: Path) -> list[Path]:
     """The files that a clip's path stands for: a video, a folder, a pattern."""
     return [path] if path.is_file() else list(clip_files(path))
-
-
-def _real(path: Path) -> Path:
-    return path.resolve()

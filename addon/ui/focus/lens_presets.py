@@ -1,6 +1,8 @@
 """Lenses and looks as Blender's presets: the aperture's shape, highlights and how much blur, never the focus.
 
-The f-stop of a preset counts where the scene's scale is given, else its blur as a share of the width.
+The f-stop of a preset counts where the scene's scale is given, else its blur as a share of the width. That
+of shipped ones is an infinitely far background, f^2 / (N (s - f)) of a full frame's 36 mm, with the
+focus at s = 2 m, or 10 m for the mirror lens.
 Shipped ones lie in `presets/virtual_aperture/lens`, a user's own in the folder of Blender's presets.
 """
 
@@ -123,11 +125,6 @@ def _by_number(name: str) -> list[tuple[int, str]]:
     """A key by which 85 mm comes before 100 mm."""
     parts = re.split(r"(\d+)", name.lower())
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
-
-
-def draw_button(layout: bpy.types.UILayout) -> None:
-    """Draw the button in a panel's header that lists the presets."""
-    VIRTUAL_APERTURE_PT_lens_presets.draw_panel_header(layout)
 
 
 def register() -> None:

@@ -20,7 +20,7 @@ class VIRTUAL_APERTURE_PT_lens(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_label = "Lens"
 
     def draw_header_preset(self, _context: bpy.types.Context) -> None:
-        lens_presets.draw_button(self.layout)
+        lens_presets.VIRTUAL_APERTURE_PT_lens_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture

@@ -156,7 +156,7 @@ def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
     column = split(layout.column(align=True))
     row = column.row(align=True)
     row.prop(settings, "blur_percent", text="Blur")
-    lens_presets.draw_button(row)
+    lens_presets.VIRTUAL_APERTURE_PT_lens_presets.draw_panel_header(row)
     is_guess = not settings.metres_per_unit > 0
     if scale.known_scale(settings) > 0:
         stop = column.row(align=True)

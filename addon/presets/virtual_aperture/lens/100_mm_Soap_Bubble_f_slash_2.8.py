@@ -7,7 +7,5 @@ shape = settings.shape
 shape.spherical_aberration = 0.9
 shape.vignetting = 0.3
 settings.highlights = 1.0
-# Beyond all distances, focused at 2 m: f^2 / (N (s - f)) of a full frame's 36 mm.
 settings.blur = 0.0522
-# Counts where the scene's scale is known.
 settings.f_stop = 2.8

@@ -11,7 +11,5 @@ shape.lateral_colour = 0.0008
 shape.matte_box_sides = 0.25
 shape.breathing = 0.25
 settings.highlights = 1.0
-# Beyond all distances, focused at 2 m: f^2 / (N (s - f)) of a full frame's 36 mm.
 settings.blur = 0.0155
-# Counts where the scene's scale is known.
 settings.f_stop = 2.3

@@ -12,7 +12,5 @@ shape.field_curvature = 0.3
 shape.coma = 0.1
 shape.breathing = 1.0
 settings.highlights = 1.0
-# Beyond all distances, focused at 2 m: f^2 / (N (s - f)) of a full frame's 36 mm.
 settings.blur = 0.0253
-# Counts where the scene's scale is known.
 settings.f_stop = 1.9
