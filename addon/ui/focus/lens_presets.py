@@ -1,7 +1,7 @@
 """Lenses and looks as Blender's presets: the aperture's shape, highlights and how much blur, never the focus.
 
 The f-stop of a preset counts where the scene's scale is given, else its blur as a share of the width. That
-of shipped ones is an infinitely far background, f^2 / (N (s - f)) of a full frame's 36 mm, with the
+of shipped ones is an infinitely far background's, f^2 / (N (s - f)) of a full frame's 36 mm, with the
 focus at s = 2 m, or 10 m for the mirror lens.
 Shipped ones lie in `presets/virtual_aperture/lens`, a user's own in the folder of Blender's presets.
 """
