@@ -201,7 +201,7 @@ def check_numbers(options: argparse.Namespace) -> None:
 
 
 def _focus_places(options: argparse.Namespace) -> list[tuple[str, int | None]]:
-    """The focus places in words, and their frames; UserError where the options exclude each other."""
+    """The focus places in words, and their frames; UserError for options that are not valid together."""
     found = list[tuple[str, int | None]]()
     for x, y, frame in map(place_of, options.focus_at or ()):
         if not (0 <= x <= 1 and 0 <= y <= 1):

@@ -67,7 +67,7 @@ class SteadyPath:
 
 
 def _between(rotation: Floats, centre: Floats, steady: Floats, there: Floats) -> tuple[Floats, Floats]:
-    """Rotations (..., 3, 3) and translations (..., 3) from cameras, of two paths, to the steadier ones."""
+    """Rotations (..., 3, 3) and translations (..., 3) from camera spaces into those of steadier cameras."""
     return steady @ np.swapaxes(rotation, -1, -2), np.einsum("...ij,...j->...i", steady, centre - there)
 
 

@@ -82,7 +82,7 @@ def pick_features(features: FrameFeatures, canvas: Canvas, x: float, y: float) -
 
 
 def _nearest(places: Floats, place: Floats, count: int) -> Ints:
-    """Indices (<= count,) of the places (n, 2) nearest to one (2,), the nearest first; few are sorted."""
+    """Indices (up to count,) of the places (n, 2) nearest to one (2,), in order, without sorting all."""
     away = np.square(places[:, 0] - place[0])
     away += np.square(places[:, 1] - place[1])
     near = np.argpartition(away, count - 1)[:count] if count < len(away) else np.arange(len(away))

@@ -174,7 +174,7 @@ class HighlightDiscs:
     def _discs(
         self, one: SmallHighlight, plan: FramePlan, before: Surfaces, focal_plane: _FocalPlane
     ) -> tuple[LinearRGB, Ints]:
-        """Light (n, h, w, 3) of a highlight's discs by parts, and their corners (n, 2), perhaps outside."""
+        """Light (n, h, w, 3) of a highlight's discs by parts, and first rows and columns (n, 2), any sign."""
         pinhole = plan.canvas.pinhole
         seen_here = _as_seen(one, self.steadied) if self.steadied else one
         displacement = focal_plane.displacement(seen_here)

@@ -48,7 +48,7 @@ class RunReport:
     """The sources of every frame of a run; its `on_frame` is called with each of them."""
 
     def __init__(self, path: Path | None = None, key: str = "", overwrite: bool = False) -> None:
-        """Add to `path` after the entries of a run of the same `key`; UserError for another's."""
+        """Add to `path` after entries of the same `key`; UserError for another's, unless `overwrite`."""
         self._path, self._key = path, key
         self._used: dict[int, Used] = {}
         self._reports: dict[int, FrameReport] = {}
