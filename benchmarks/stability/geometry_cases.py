@@ -21,6 +21,7 @@ from addon.core.camera.reconstruction import (
 from addon.core.focus.focus import Focus
 from addon.core.frame.plan import FramePlan
 
+from ..displaced import displaced
 from ..picked import pick
 from . import lens_cases
 from .__main__ import Case, Measure
@@ -58,13 +59,13 @@ def _plain() -> tuple[FramePlan, LinearRGBA]:
 
 def _scaled(scale: float, offset: float) -> list[Measure]:
     plain, picture = _plain()
-    expected = plain.displace(plain.mesh.xy, plain.mesh.inverse_depth)
+    expected = displaced(plain, plain.mesh.xy, plain.mesh.inverse_depth)
     errors, quality = [], []
     raw = moved(shot(), scale, offset)
     for rec in (raw, normalise(raw)):
         plan = planned(rec)
         mean = draw(plan)
-        moves = plan.displace(plan.mesh.xy, plan.mesh.inverse_depth) - expected
+        moves = displaced(plan, plan.mesh.xy, plan.mesh.inverse_depth) - expected
         errors += [float(np.abs(moves).max()), displacement_error(mean, picture, SIZE)]
         quality.append(psnr(mean, picture))
     return [pixels(max(errors)), decibels(min(quality))]

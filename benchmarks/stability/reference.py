@@ -17,6 +17,8 @@ from addon.core.optics.registration import exact_registration
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.mesh import WarpMesh
 
+from ..displaced import displaced
+
 type Ints = NDArray[np.int64]
 
 LENS = Intrinsics(96, 54, 80.0, 80.0, 48.0, 27.0)
@@ -104,7 +106,7 @@ def rendered(plan: FramePlan, picture: LinearRGBA) -> Floats:
     height, width = picture.shape[:2]
     mesh = plan.mesh
     total = np.zeros((height * width, 4))
-    for seen in plan.displace(mesh.xy, mesh.inverse_depth):
+    for seen in displaced(plan, mesh.xy, mesh.inverse_depth):
         corners = seen[mesh.triangles]
         triangle, x, y = _candidates(corners, width, height)
         a, ab, ac = (corners[triangle, i] - (corners[triangle, 0] if i else 0) for i in range(3))

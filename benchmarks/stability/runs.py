@@ -12,6 +12,7 @@ from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions, FramePlan
 from addon.render.views import gpu_views
 
+from ..displaced import displaced
 from .__main__ import Measure
 from .reference import (
     FAR,
@@ -121,7 +122,7 @@ def as_gpu(plan: FramePlan) -> Floats:
 
 def vertices(plan: FramePlan) -> list[Measure]:
     """The shader's float32 against FramePlan.displace, for vertices in the picture or near it."""
-    pinhole, exact = plan.canvas.pinhole, plan.displace(plan.mesh.xy, plan.mesh.inverse_depth)
+    pinhole, exact = plan.canvas.pinhole, displaced(plan, plan.mesh.xy, plan.mesh.inverse_depth)
     near = np.all(np.abs(exact) < 5 * max(pinhole.width, pinhole.height), axis=2)
     return [pixels(float(np.abs(as_gpu(plan) - exact)[near].max()))]
 

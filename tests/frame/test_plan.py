@@ -15,6 +15,7 @@ from addon.core.focus.focus import Focus, radius_for_blur
 from addon.core.frame.plan import FrameOptions
 from addon.core.optics.aperture_sampling import random_disc, views_needed, vogel_disc
 from addon.core.warp.mesh import delaunay
+from benchmarks.displaced import displaced
 from benchmarks.picked import pick
 
 from ..scenes import planned, slanted_plane, texture
@@ -37,8 +38,8 @@ def test_the_picture_does_not_depend_on_the_scenes_scale(method: str, factor: fl
     big = scaled(rec, factor)
     lens_big = replace(lens, radius=radius_for_blur(big, focus, 1, 0.04))
     a, b = planned(rec, 1, lens, SIZE), planned(big, 1, lens_big, SIZE)
-    shift_a = a.displace(a.mesh.xy, a.mesh.inverse_depth)
-    shift_b = b.displace(b.mesh.xy, b.mesh.inverse_depth)
+    shift_a = displaced(a, a.mesh.xy, a.mesh.inverse_depth)
+    shift_b = displaced(b, b.mesh.xy, b.mesh.inverse_depth)
     assert np.abs(shift_a - shift_b).max() < 1e-6
     assert lens_big.radius == pytest.approx(factor * lens.radius, rel=1e-9)
 
@@ -57,7 +58,7 @@ def test_displacement_is_a_projection_from_a_moved_camera() -> None:
         # Where the focal plane's point at the same pixel went is where registration brings it back from.
         slip = LENS.project(on_plane - eye) - features.observed
         expected = seen - slip
-        got = plan.displace(features.observed, features.inverse_depth)[view]
+        got = displaced(plan, features.observed, features.inverse_depth)[view]
         assert np.abs(got - expected).max() < 1e-6
 
 
@@ -77,7 +78,7 @@ def test_blur_is_the_disc_of_the_farthest_background() -> None:
 def test_features_in_focus_do_not_move_and_unpinned_corners_do() -> None:
     rec = slanted_plane(LENS)
     plan = planned(rec, 1, FrameOptions(Focus(distance=7.0), 0.4, 32), SIZE)
-    moved = plan.displace(plan.mesh.xy, plan.mesh.inverse_depth) - plan.mesh.xy
+    moved = displaced(plan, plan.mesh.xy, plan.mesh.inverse_depth) - plan.mesh.xy
     disc = 2 * 0.4 * 270 * np.abs(plan.mesh.inverse_depth - 1 / 7.0)
     length = np.linalg.norm(moved, axis=2).max(axis=0)
     assert np.all(length[disc < 1e-9] < 1e-9)
@@ -91,7 +92,7 @@ def test_the_thesis_pins_corners_before_registration() -> None:
     plan = planned(rec, 1, FrameOptions(Focus(points=(1, 2, 3, 4)), 0.3, 8, "thesis", 5), SIZE)
     corners = plan.mesh.xy[-4:]
     assert {tuple(c) for c in corners} == {(0, 0), (320, 0), (0, 180), (320, 180)}
-    placed = plan.displace(corners, plan.mesh.inverse_depth[-4:])
+    placed = displaced(plan, corners, plan.mesh.inverse_depth[-4:])
     expected = (
         np.einsum("nij,vj->nvi", plan.registration[:, :, :2], corners) + plan.registration[:, None, :, 2]
     )
@@ -108,7 +109,7 @@ def test_the_thesis_registration_is_the_least_squares_one() -> None:
 
     def error(registration: np.ndarray) -> np.ndarray:
         other = replace(plan, registration=registration)
-        return ((other.displace(features.projected[at], inverse) - start) ** 2).sum(axis=(1, 2))
+        return ((displaced(other, features.projected[at], inverse) - start) ** 2).sum(axis=(1, 2))
 
     best = error(plan.registration)
     for change in ((0, 0, 2, 0.01), (1, 1, 2, 0.01), (0, 0, 0, 1e-4)):

@@ -17,6 +17,7 @@ from addon.core.frame.passes import in_focus
 from addon.core.frame.plan import FrameOptions
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.optics.zone import InFocusZone
+from benchmarks.displaced import displaced
 
 PINHOLE = Intrinsics(160, 90, 150.0, 150.0, 80.0, 45.0)
 ZONE = InFocusZone(front=0.25, behind=0.5, front_strength=0.5)
@@ -78,7 +79,7 @@ def test_layers_of_a_zone_are_drawn_like_one_surface() -> None:
     options = FrameOptions(Focus(distance=4.0), RADIUS, zone_front=0.25, zone_behind=0.5, borrow=False)
     warped = mesh_frame(clip, 1, options, (160, 90), picture).through(16)
     plan = warped.plan
-    moved = plan.displace(plan.mesh.xy, plan.mesh.inverse_depth) - plan.mesh.xy
+    moved = displaced(plan, plan.mesh.xy, plan.mesh.inverse_depth) - plan.mesh.xy
     size = np.linalg.norm(moved, axis=-1).max(axis=0)
     # The far surface goes on behind the silhouette at 110.
     inside = (plan.mesh.xy[:, 0] > 4) & (plan.mesh.xy[:, 0] < 80)

@@ -25,6 +25,7 @@ from addon.core.media.light import encode_srgb
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.render.views.average import draw_mean
 from addon.render.views.gpu_views import gpu_problem
+from benchmarks.displaced import displaced
 from sample_scenes import cycles_views
 
 from ..scenes import psnr, texture
@@ -181,7 +182,7 @@ def test_views_are_where_the_planes_homography_takes_them(focus: Focus, method: 
     rng = np.random.default_rng(0)
     pixels = rng.uniform([0, 0], SIZE, (50, 2))
     inverse = rng.uniform(0, 0.3, 50)
-    moved = plan.displace(pixels, plan.lens.rectified(inverse, pixels))
+    moved = displaced(plan, pixels, plan.lens.rectified(inverse, pixels))
     rays = np.column_stack([(pixels - LENS.principal_point) / LENS.focal, np.ones(50)])
     for place, shown in zip(plan.lens.aperture_positions(plan.offsets), moved, strict=True):
         assert np.linalg.norm(place) < RADIUS

@@ -170,12 +170,3 @@ class FramePlan:
     def axial_shift(self) -> float:
         """Inverse depth, 1 / scene units, by which `RED_AND_BLUE` are focused farther away than green."""
         return self.axial_colour * self.lens.axis
-
-    def displace(self, xy: Floats, inverse_depth: Floats) -> Floats:
-        """Project vertices (V, 2) of inverse depths (V,) into the views (N, V, 2), after registration."""
-        moved = xy - (self.canvas.pinhole.focal * self.offsets)[:, None, :] * inverse_depth[:, None]
-        turned = np.einsum("nij,nvj->nvi", self.registration[:, :, :2], moved)
-        seen = np.asarray(turned + self.registration[:, None, :, 2])
-        if not self.aberrations.is_active:
-            return seen
-        return seen + self.reach * self.aberrations.shift(self.places[:, None], self.field_places(seen))

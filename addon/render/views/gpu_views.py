@@ -297,8 +297,8 @@ def vertex_arrays(plan: FramePlan, picture: LinearRGBA) -> dict[str, NDArray[np.
 def view_rows(plan: FramePlan) -> NDArray[np.float32]:
     """Return coefficients a, b, c, d (N, 2, 4) for each view and axis.
 
-    A vertex is seen at a x + b y + c - d contrast, in pixels. This is `FramePlan.displace` with its terms in
-    another order: the motion of the focal plane is in c.
+    A vertex is seen at a x + b y + c - d contrast, in pixels. `benchmarks.displaced` has these terms in
+    another order: here the motion of the focal plane is in c.
     """
     turn, shift = plan.registration[:, :, :2], plan.canvas.pinhole.focal * plan.offsets
     turned = np.einsum("nij,nj->ni", turn, shift)

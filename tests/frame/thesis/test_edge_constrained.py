@@ -27,6 +27,7 @@ from addon.core.frame.meshers.thesis.edge_constrained import (
 )
 from addon.core.frame.plan import FrameOptions
 from addon.core.warp.mesh import WarpMesh, feature_mesh
+from benchmarks.displaced import displaced
 
 from ...scenes import planned, slanted_plane
 
@@ -219,6 +220,6 @@ def test_the_plan_keeps_its_views_and_what_is_in_focus_stays() -> None:
     plan = planned(rec, 1, replace(lens, method="features"), SIZE)
     edged = planned(rec, 1, lens, SIZE, picture=card())
     assert np.array_equal(edged.offsets, plan.offsets)
-    moved = edged.displace(edged.mesh.xy, edged.mesh.inverse_depth) - edged.mesh.xy
+    moved = displaced(edged, edged.mesh.xy, edged.mesh.inverse_depth) - edged.mesh.xy
     still = np.abs(edged.mesh.inverse_depth - 1 / 7.0) < 1e-12
     assert still.any() and np.abs(moved[:, still]).max() < 1e-9
