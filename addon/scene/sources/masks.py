@@ -1,6 +1,6 @@
 """Blender's mask datablock as a mask of moving pixels: its splines, frame by frame."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -18,6 +18,24 @@ SHIFT = 4
 """Bits of a pixel's fraction that OpenCV draws with."""
 FINER = 4
 """Times as fine as the picture outlines are drawn."""
+FALLOFFS: dict[str, Callable[[Floats], Floats]] = {
+    "SMOOTH": lambda left: left**2 * (3 - 2 * left),
+    "SPHERE": lambda left: np.sqrt(left * (2 - left)),
+    "ROOT": np.sqrt,
+    "INVERSE_SQUARE": lambda left: left * (2 - left),
+    "SHARP": lambda left: left**2,
+}
+"""Opacity over a feather with a remaining share, by Blender's names of falloffs but the linear one."""
+BLENDS: dict[str, Callable[[Map, Map], Map]] = {
+    "ADD": lambda value, own: value + own,
+    "SUBTRACT": lambda value, own: value - own,
+    "LIGHTEN": np.maximum,
+    "DARKEN": np.minimum,
+    "MUL": lambda value, own: value * own,
+    "DIFFERENCE": lambda value, own: np.abs(value - own),
+    "MERGE_SUBTRACT": lambda value, own: value - own * value,
+}
+"""Mixtures of opacities below a layer with its own, by Blender's names; others are `MERGE_ADD`."""
 
 
 @dataclass(frozen=True)
@@ -187,45 +205,15 @@ def _feathered(outline: Floats, feather: Floats, falloff: str, size: tuple[int, 
     x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
     away = np.hypot(x - nearest[..., 0], y - nearest[..., 1])
     left = np.clip(1 - away / np.maximum(nearest[..., 2], 1e-6), 0, 1)
-    return np.asarray(_fallen(left, falloff), np.float32)
-
-
-def _fallen(left: Floats, falloff: str) -> Floats:
-    """(H, W) opacity over a feather with a remaining share (H, W), by one of Blender's falloffs."""
-    match falloff:
-        case "SMOOTH":
-            return left**2 * (3 - 2 * left)
-        case "SPHERE":
-            return np.sqrt(left * (2 - left))
-        case "ROOT":
-            return np.sqrt(left)
-        case "INVERSE_SQUARE":
-            return left * (2 - left)
-        case "SHARP":
-            return left**2
-    return left
+    return np.asarray(FALLOFFS[falloff](left) if falloff in FALLOFFS else left, np.float32)
 
 
 def _mixed(value: Map, own: Map, layer: Layer) -> Map:
     """Blender's mixing of a layer with those below it, before it is clipped to 0 and 1."""
-    match layer.blend:
-        case "ADD":
-            return value + own
-        case "SUBTRACT":
-            return value - own
-        case "LIGHTEN":
-            return np.maximum(value, own)
-        case "DARKEN":
-            return np.minimum(value, own)
-        case "MUL":
-            return value * own
-        case "REPLACE":
-            return value + np.float32(layer.alpha) * (own - value)
-        case "DIFFERENCE":
-            return np.abs(value - own)
-        case "MERGE_SUBTRACT":
-            return value - own * value
-    return value + own * (1 - value)
+    if layer.blend == "REPLACE":
+        return value + np.float32(layer.alpha) * (own - value)
+    mix = BLENDS.get(layer.blend)
+    return value + own * (1 - value) if mix is None else mix(value, own)
 
 
 def _same(one: tuple[Layer, ...], other: tuple[Layer, ...]) -> bool:
