@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -61,9 +61,6 @@ FAINT = 1e-3
 """Least power of a frequency, as a share of the strongest one: estimates may be negative."""
 MOST = 400
 """Blocks that spectra are taken of."""
-LEAST = 0.2
-"""Least share of white noise's power that a plane and the window leave at a frequency: the coarsest noise is
-not amplified further."""
 SEED = 0x6772
 """First part of the seeds of frames."""
 AXES: Map = np.array([[1, 1, 1], [1, -1, 1], [1, 0, -2]], np.float32)
@@ -243,24 +240,12 @@ def _of_blocks(blocks: Map, moved: Map | float = 0.0, step: float = 0.0) -> Nois
     fresh = blocks - moved
     variance = (blocks * fresh).mean(axis=(0, 2, 3), dtype=float) - step**2 / 12
     few = slice(None, None, -(-len(blocks) // MOST))
-    window, white = _window()
+    window = np.outer(*[np.hanning(BLOCK + 2)[1:-1].astype(np.float32)] * 2)
     own, rest = (np.fft.fft2(each[few] * window) for each in (blocks, fresh))
-    power = (own * rest.conj()).real.mean(axis=0) / white
+    power = (own * rest.conj()).real.mean(axis=0)
     power = np.stack([power[0], power[1:].mean(axis=0)])
     power = np.maximum(power, FAINT * power.max(axis=(1, 2), keepdims=True))
     kernels = np.fft.fftshift(np.fft.ifft2(np.sqrt(power)).real, axes=(1, 2))[:, 1:, 1:]
     kernels /= np.sqrt((kernels**2).sum(axis=(1, 2), keepdims=True))
     sigma = np.sqrt(np.maximum([variance[0], variance[1:].mean()], 0))
     return Noise(sigma, np.asarray(kernels, np.float32))
-
-
-@cache
-def _window() -> tuple[Map, Floats]:
-    """(BLOCK, BLOCK) weights of a block's pixels, and the power by frequency left of white noise.
-
-    `_residual` is included.
-    """
-    window = np.outer(*[np.hanning(BLOCK + 2)[1:-1]] * 2)
-    pixels = np.eye(BLOCK**2, dtype=np.float32).reshape(-1, 1, BLOCK, BLOCK)
-    power = (np.abs(np.fft.fft2(_residual(pixels) * window)) ** 2).sum(axis=(0, 1))
-    return window.astype(np.float32), np.maximum(power, LEAST * power.max())
