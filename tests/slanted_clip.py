@@ -16,7 +16,7 @@ from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
 from addon.render.output import output
 from addon.scene.build import build
-from addon.scene.lens.lens import set_focus
+from addon.scene.focus.focus_marks import set_focus
 
 from .scenes import LENS, slanted_plane, slanted_shot, texture
 

@@ -38,7 +38,7 @@ from ..scene.build import build
 from ..scene.focus import focus_marks
 from ..scene.focus.clicks import place_at
 from ..scene.lens import aperture_cloud
-from ..scene.lens.lens import frame_options, set_aperture, set_focus
+from ..scene.lens.lens import frame_options, set_aperture
 from ..scene.lens.repairs import add_repairs, repairs_of
 from ..scene.properties import VirtualApertureSettings
 from ..scene.sources import colour_space
@@ -113,7 +113,7 @@ def set_lens(
     radius = options.aperture_radius
     if radius is None:
         radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
-    set_focus(settings, focus, frame)
+    focus_marks.set_focus(settings, focus, frame)
     if picked:
         focus_marks.replace_all(settings, map(FocusMark.of, picked))
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR

@@ -77,7 +77,7 @@ def build(
     focus_marks.clear(settings)
     if is_other:
         settings.subjects.items.clear()
-    lens.reset(settings, int(reconstruction.frames[0]))
+    lens.reset(settings)
     aperture_cloud.update(settings)
     _set_output(scene, footage, is_other)
     set_sound(scene, footage)

@@ -7,6 +7,7 @@ from bpy.app.handlers import persistent
 
 from .base import paths
 from .base.version import VERSION
+from .focus import from_1_0
 
 
 def _on_save(*_: object) -> None:
@@ -16,8 +17,14 @@ def _on_save(*_: object) -> None:
             settings.version = VERSION
 
 
+def _on_load(*_: object) -> None:
+    for scene in bpy.data.scenes:
+        from_1_0.take_over(scene.virtual_aperture)
+
+
 def _on_import(imported: bpy.types.BlendImportContext) -> None:
     """Scenes that were appended: their paths are relative to the .blend that they come from."""
+    _on_load()
     for item in imported.import_items:
         if item.id_type != "SCENE" or item.id is None or item.id.library is not None:
             continue
@@ -36,13 +43,19 @@ def _from_folder(scene: bpy.types.Scene, folder: str) -> None:
 _HANDLERS = [
     (bpy.app.handlers.blend_import_post, persistent(_on_import)),
     (bpy.app.handlers.save_pre, persistent(_on_save)),
+    (bpy.app.handlers.load_post, persistent(_on_load)),
 ]
 
 
 def register() -> None:
-    """Look at scenes when they are appended and saved."""
+    """Look at scenes when they are loaded, appended and saved, and at those that are open."""
     for called, ours in _HANDLERS:
         called.append(ours)
+    if hasattr(bpy.data, "scenes"):
+        _on_load()
+    else:
+        # Blender hides its data while an extension is enabled.
+        bpy.app.timers.register(_on_load, first_interval=0)
 
 
 def unregister() -> None:

@@ -6,15 +6,13 @@ import bpy
 import numpy as np
 from bpy.props import (
     BoolProperty,
-    CollectionProperty,
     EnumProperty,
     FloatProperty,
-    IntProperty,
     PointerProperty,
 )
 
 from .focus import focus_marks
-from .focus.focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
+from .focus.focus_marks import VirtualApertureFocusMarks
 from .lens import aperture_cloud, depth_of_field, lens, scale
 from .lens.aperture_shape import VirtualApertureShape
 from .lens.repairs import VirtualApertureRepairs
@@ -44,8 +42,8 @@ def _edited(
 
 
 def _follow_distance(settings: bpy.types.PropertyGroup) -> None:
-    lens.on_distance(settings)
     focus_marks.on_distance(settings)
+    lens.on_focus(settings)
 
 
 LEAST_BOOST, MOST_BOOST = -4.0, 9.0
@@ -70,26 +68,11 @@ class LensProperties:
     repairs: PointerProperty(
         type=VirtualApertureRepairs, name="Repairs", description="Strokes that mend mistakes of the depth"
     )
-    focus_by: EnumProperty(
-        name="Focus By",
-        description="What the focal plane follows",
-        items=[
-            (
-                "POINTS",
-                "Points",
-                "The picked points, followed through the clip, or the distance if there are none",
-            ),
-            ("DISTANCE", "Distance", "The focus distance, which can be animated"),
-        ],
-        update=_edited(lens.on_focus),
-    )
     marks: PointerProperty(
         type=VirtualApertureFocusMarks,
         name="Focus Marks",
         description="What is in focus, and at which frames",
     )
-    focus_points: CollectionProperty(type=VirtualApertureFocusPoint)
-    focus_frame: IntProperty(name="Focus Frame", description="Frame the focus was picked in")
     focus_distance: FloatProperty(
         name="Focus Distance",
         description="Distance from the camera to the focal plane, in scene units; an imported model brings"

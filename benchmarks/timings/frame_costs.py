@@ -42,7 +42,7 @@ from addon.render.output import output
 from addon.render.views import gpu_views
 from addon.render.views.quiet import quiet
 from addon.scene.build import build
-from addon.scene.lens.lens import set_focus
+from addon.scene.focus.focus_marks import set_focus
 from addon.scene.sources.shot import Shot, shot_of
 
 from .. import store

@@ -134,9 +134,9 @@ def report(one: Try) -> None:
 
 
 PROPERTIES = (
-    "footage", "work_dir", "depth_maps", "masks", "clip_identity", "clip_name", "method", "focus_by",
+    "footage", "work_dir", "depth_maps", "masks", "clip_identity", "clip_name", "method",
     "focus_distance", "blur", "aperture_radius", "views", "seed", "clip_first", "clip_last",
-    "focus_frame", "borrow", "points", "camera", "root", "aperture", "render", "mesh",
+    "borrow", "points", "camera", "root", "aperture", "render", "mesh",
 )  # fmt: skip
 
 

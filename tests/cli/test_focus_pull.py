@@ -44,7 +44,7 @@ def test_marks_are_keys_of_the_distance(
     bpy.context.scene.frame_set(2)
     assert settings.blur == pytest.approx(0.02, rel=1e-3)
     keyed = distances()
-    assert settings.focus_by == "DISTANCE" and not settings.focus_points
+    assert not settings.marks.points
     curve = keys_of(settings, "focus_distance")
     assert curve is not None and len(curve.keyframe_points) == len(FRAMES)
     # The plane is nearer on the left.

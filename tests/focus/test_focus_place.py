@@ -158,4 +158,4 @@ def test_the_command_line_focuses_on_the_object_that_is_clicked(
     assert "from the subject object 1, seen" in said
     settings = bpy.context.scene.virtual_aperture
     assert not len(settings.subjects.items)
-    assert len(settings.marks.items[0].places[0]["followed_frames"]) == len(few)
+    assert len(settings.marks.items[0].places[0].followed) == len(few)

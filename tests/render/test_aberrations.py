@@ -33,7 +33,8 @@ from addon.render.viewport.pictures import FINE, Wanted, make_picture
 from addon.render.views.average import draw_mean, render_frame
 from addon.render.views.gpu_views import bend_rows, gpu_problem
 from addon.scene.build import build
-from addon.scene.lens.lens import frame_options, set_focus
+from addon.scene.focus.focus_marks import set_focus
+from addon.scene.lens.lens import frame_options
 from addon.scene.sources.shot import shot_of
 
 from ..scenes import psnr, slanted_plane, slanted_shot, texture

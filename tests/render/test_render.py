@@ -21,7 +21,7 @@ from addon.core.optics.aperture import Aperture
 from addon.render import engine
 from addon.render.views import gpu_views
 from addon.scene.build import build
-from addon.scene.lens.lens import set_focus
+from addon.scene.focus.focus_marks import set_focus
 from sample_scenes import cycles_views
 
 from ..scenes import planned, psnr, slanted_plane, slanted_shot, texture
@@ -250,7 +250,7 @@ def test_border_and_percentage(scene: bpy.types.Scene, tmp_path: Path) -> None:
 
 def test_errors_of_the_engine_reach_scripts(scene: bpy.types.Scene, tmp_path: Path) -> None:
     set_up(scene, tmp_path / "clip")
-    scene.virtual_aperture.focus_points.clear()
+    scene.virtual_aperture.marks.items.clear()
     scene.virtual_aperture.focus_distance = 0.0
     with pytest.raises(RuntimeError, match="nothing is in focus"):
         rendered(scene, tmp_path / "x.png")

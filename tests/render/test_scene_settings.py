@@ -14,8 +14,8 @@ from addon.core.focus.focus import Focus
 from addon.render.output.background import written_files
 from addon.render.output.frame_files import refuse, still_problem
 from addon.scene.build import build
+from addon.scene.focus.focus_marks import set_focus
 from addon.scene.ignored import ignored
-from addon.scene.lens.lens import set_focus
 
 from ..command_line import done, here
 from ..conftest import Shared

@@ -52,7 +52,7 @@ def test_a_newer_file_is_neither_used_nor_overwritten(scene: bpy.types.Scene, tm
     assert said in " ".join(shown.texts)
     in_sidebar = [p for p in panels.CLASSES if p.bl_region_type == "UI"]
     assert [p for p in in_sidebar if p.poll(bpy.context)] == [panels.main.VIRTUAL_APERTURE_PT_main]
-    for name in ("choose_clip", "solve", "set_focus", "clear_focus", "import_solve", "restore_objects"):
+    for name in ("choose_clip", "solve", "set_focus", "import_solve", "restore_objects"):
         with pytest.raises(RuntimeError, match=said):
             getattr(bpy.ops.virtual_aperture, name)()
     for call in (bpy.ops.virtual_aperture.render_frame, bpy.ops.render.render):

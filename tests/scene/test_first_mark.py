@@ -29,6 +29,7 @@ def test_a_camera_that_turns_away_from_the_first_focus_keeps_its_distance(
     focus_marks.set_first(settings, turned)
     focus = lens.focus_of(settings)
     assert settings.marks.is_first and not focus.points
+    assert settings.marks.items[0].places[0].source == "a fixed distance"
     distance = focus.inverse_depth(turned, first.frame)
     assert focus.inverse_depth(turned, last.frame) == distance
 
@@ -42,7 +43,7 @@ def test_a_camera_that_passes_the_first_focus_keeps_its_distance(
     focus_marks.set_first(settings, shot.reconstruction)
     distance = settings.focus_distance
     focus_marks.clear(settings)
-    lens.clear_points(settings)
+    settings.focus_distance = 0.0
     near = replace(last, translation=last.translation - [0.0, 0.0, 0.8 * distance])
     moved = replace(shot.reconstruction, images=(first, *others, near))
     settings = build(scene, shot.footage, moved)

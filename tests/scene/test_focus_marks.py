@@ -68,11 +68,11 @@ def distance(scene: bpy.types.Scene, frame: int) -> float:
 def test_one_mark_of_points_needs_no_keys(scene: bpy.types.Scene, shot: Shot) -> None:
     settings = scene.virtual_aperture
     focus_marks.put(settings, 4, [points(shot, 4, 3, 9)])
-    assert settings.focus_by == "POINTS" and [p.point for p in settings.focus_points] == [3, 9]
+    assert lens.focus_of(settings).points == (3, 9)
     assert keys(scene) is None and settings.aperture_radius > 0
     # The next pick takes its place.
     focus_marks.put(settings, 8, [points(shot, 8, 20)])
-    assert [p.point for p in settings.focus_points] == [20] and len(settings.marks.items) == 1
+    assert lens.focus_of(settings).points == (20,) and len(settings.marks.items) == 1
 
 
 def test_marks_are_keyframes_and_what_is_between_is_generated(scene: bpy.types.Scene, shot: Shot) -> None:
@@ -201,7 +201,7 @@ def test_a_distance_set_by_hand_takes_the_place_of_the_only_mark(scene: bpy.type
     settings.focus_distance = 6.5
     update()
     assert marks(scene) == [(4, 6.5)] and settings.marks.items[0].name == "Distance"
-    assert keys(scene) is None and settings.focus_by == "DISTANCE"
+    assert keys(scene) is None and not lens.focus_of(settings).points
 
 
 def test_removing_and_moving(scene: bpy.types.Scene, shot: Shot) -> None:
@@ -222,7 +222,7 @@ def test_removing_and_moving(scene: bpy.types.Scene, shot: Shot) -> None:
 
 def test_what_was_in_focus_without_a_mark_begins_a_pull(scene: bpy.types.Scene, shot: Shot) -> None:
     settings = scene.virtual_aperture
-    lens.set_focus(settings, Focus((3, 9)), 2)
+    focus_marks.set_focus(settings, Focus((3, 9)), 2)
     focus_marks.put(settings, 9, [at(9, 30.0)], add=True)
     assert [(mark.frame, mark.name) for mark in settings.marks.items] == [(2, "Point cloud"), (9, "Distance")]
 
@@ -286,5 +286,5 @@ def test_marks_are_kept_over_a_new_solve(scene: bpy.types.Scene, shot: Shot) -> 
     assert [mark.distance for mark in settings.marks.items] == pytest.approx(
         [2 * d for d in before], rel=0.03
     )
-    assert [point.point for point in settings.marks.items[0].places[0].points] == [5, 6, 7]
+    assert settings.marks.items[0].places[0].focus.points == (5, 6, 7)
     assert distance(scene, 9) == pytest.approx(24.0, rel=1e-3)

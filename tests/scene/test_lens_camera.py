@@ -19,8 +19,8 @@ from addon.core.media.light import to_linear
 from addon.core.optics.aperture import Aperture
 from addon.render.views import gpu_views
 from addon.scene.build import build
+from addon.scene.focus.focus_marks import set_focus
 from addon.scene.lens import lens_camera
-from addon.scene.lens.lens import set_focus
 from addon.scene.lens.lens_camera import osl_problem
 from sample_scenes import cycles_views
 

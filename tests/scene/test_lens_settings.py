@@ -11,8 +11,10 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus, blur_for_radius, radius_for_blur
 from addon.scene.build import build
+from addon.scene.focus import focus_marks
+from addon.scene.focus.focus_marks import set_focus
 from addon.scene.lens import lens
-from addon.scene.lens.lens import frame_options, set_focus
+from addon.scene.lens.lens import frame_options
 from addon.scene.sources.shot import Shot
 
 from ..in_blender import select
@@ -67,7 +69,7 @@ def test_the_lens_stays_the_same_while_the_focus_is_pulled(scene, shot, settings
 
 
 def test_picked_points_set_the_distance_that_can_be_keyed(scene, shot, settings) -> None:
-    lens.set_focus(settings, Focus(points=PICKED), 2)
+    set_focus(settings, Focus(points=PICKED), 2)
     assert settings.focus_distance == pytest.approx(depth(shot, 2))
     assert lens.focus_of(settings).points == PICKED
     scene.frame_set(2)
@@ -78,22 +80,21 @@ def test_picked_points_set_the_distance_that_can_be_keyed(scene, shot, settings)
     scene.frame_set(5)
     settings.focus_distance = 11.0
     scene.keyframe_insert("virtual_aperture.focus_distance")
-    # The points are kept, the distance is active.
-    assert settings.focus_by == "DISTANCE" and len(settings.focus_points) == 4
+    # The points are kept in the mark, the keyed distance is active.
+    assert settings.marks.points == PICKED
     assert lens.focus_of(settings) == Focus(distance=11.0)
     assert radii(scene, shot) == [pytest.approx(radius)] * 5
-    settings.focus_by = "POINTS"
+    lens.channels_of(settings).fcurves.remove(lens.keys_of(settings, "focus_distance"))
     assert lens.focus_of(settings).points == PICKED
 
 
 def test_a_pick_in_a_pull_is_the_next_key(scene, shot, settings) -> None:
-    lens.set_focus(settings, Focus(points=PICKED), 1)
+    set_focus(settings, Focus(points=PICKED), 1)
     scene.keyframe_insert("virtual_aperture.focus_distance", frame=1)
     radius = settings.aperture_radius
     scene.frame_set(5)
     select(settings.points, (7, 11, 30))
     assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
-    assert settings.focus_by == "DISTANCE"
     there = 1 / Focus(points=(7, 11, 30)).inverse_depth(shot.reconstruction, 5)
     scene.frame_set(1)
     assert settings.focus_distance == pytest.approx(depth(shot, 1))
@@ -118,7 +119,7 @@ def test_a_first_distance_is_dragged_with_the_blur_kept(scene, shot, settings) -
 
 
 def test_blur_sets_the_radius_and_the_radius_shows_its_blur(scene, shot, settings) -> None:
-    lens.set_focus(settings, Focus(points=PICKED), 1)
+    set_focus(settings, Focus(points=PICKED), 1)
     scene.frame_set(3)
     settings.blur = 0.05
     expected = radius_for_blur(shot.reconstruction, Focus(points=PICKED), 3, 0.05)
@@ -129,7 +130,7 @@ def test_blur_sets_the_radius_and_the_radius_shows_its_blur(scene, shot, setting
     assert settings.blur == pytest.approx(expected, rel=1e-5)
     assert settings.aperture_radius == pytest.approx(0.1)
     # Another pick looks through the same lens.
-    lens.set_focus(settings, Focus(points=(7, 8)), 2)
+    set_focus(settings, Focus(points=(7, 8)), 2)
     assert settings.aperture_radius == pytest.approx(0.1)
     scene.frame_set(2)
     expected = blur_for_radius(shot.reconstruction, Focus(points=(7, 8)), 2, 0.1)
@@ -158,7 +159,7 @@ def test_the_blur_that_is_shown_in_a_pull_is_that_of_the_frame(scene, shot, sett
     assert shown[0] == pytest.approx(0.06) and len({round(blur, 4) for blur in shown}) == len(shown)
     # Points in focus have another distance at every frame, too.
     scene.animation_data_clear()
-    lens.set_focus(settings, Focus(points=PICKED), 1)
+    set_focus(settings, Focus(points=PICKED), 1)
     scene.frame_set(4)
     expected = blur_for_radius(shot.reconstruction, Focus(points=PICKED), 4, radius)
     assert settings.blur == pytest.approx(expected, rel=1e-5)
@@ -197,7 +198,7 @@ def test_a_first_key_of_the_blur_is_the_blur_that_is_shown(scene, settings) -> N
 def test_the_blur_waits_for_a_focus(settings, shot) -> None:
     settings.blur = 0.06
     assert settings.aperture_radius == 0
-    lens.set_focus(settings, Focus(points=PICKED), 1)
+    set_focus(settings, Focus(points=PICKED), 1)
     expected = radius_for_blur(shot.reconstruction, Focus(points=PICKED), 1, 0.06)
     assert settings.aperture_radius == pytest.approx(expected, rel=1e-5)
 
@@ -219,12 +220,9 @@ def test_files_without_a_radius_render_as_before(scene, shot, settings) -> None:
 
 
 def test_clearing_leaves_the_focus_at_its_distance(scene, shot, settings) -> None:
-    with pytest.raises(RuntimeError, match="Nothing has been picked"):
-        bpy.ops.virtual_aperture.clear_focus()
-    lens.set_focus(settings, Focus(points=PICKED), 1)
+    set_focus(settings, Focus(points=PICKED), 1)
     radius = settings.aperture_radius
-    assert bpy.ops.virtual_aperture.clear_focus() == {"FINISHED"}
-    assert len(settings.focus_points) == 0 and settings.focus_by == "DISTANCE"
+    focus_marks.clear(settings)
     assert lens.focus_of(settings).distance == pytest.approx(depth(shot, 1))
     assert settings.aperture_radius == radius
     settings.focus_distance = 0.0
@@ -234,10 +232,10 @@ def test_clearing_leaves_the_focus_at_its_distance(scene, shot, settings) -> Non
 
 
 def test_a_new_solve_starts_from_the_blur(scene, shot, settings) -> None:
-    lens.set_focus(settings, Focus(points=PICKED), 1)
+    set_focus(settings, Focus(points=PICKED), 1)
     settings.aperture_radius = 5.0
     build(scene, shot.footage, shot.reconstruction)
-    assert settings.aperture_radius == 0 and settings.focus_by == "POINTS"
+    assert settings.aperture_radius == 0
     assert not lens.is_in_focus(settings)
 
 
@@ -248,7 +246,7 @@ def test_automatic_views_are_no_views(settings) -> None:
     settings.views = 30
     settings.use_auto_views = True
     assert settings.views == 0
-    lens.set_focus(settings, Focus(points=PICKED), 1)
+    set_focus(settings, Focus(points=PICKED), 1)
     settings.blur = 0.1
     shown = len(settings.aperture.data.vertices)
     settings.use_auto_views = False

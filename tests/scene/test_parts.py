@@ -195,7 +195,7 @@ def test_a_linked_scene_renders_and_is_not_changed(source: tuple[Path, bytes], t
     clip = str(blend.parent / "clip")
     for name, given in (
         ("choose_clip", {"filepath": clip}), ("solve", {}), ("set_focus", {}), ("set_scale", {}),
-        ("clear_focus", {}), ("find_clip", {"filepath": clip}), ("import_solve", {"filepath": clip}),
+        ("find_clip", {"filepath": clip}), ("import_solve", {"filepath": clip}),
         ("import_movie_clip", {}), ("import_clip", {"filepath": clip}), ("drop_model", {"filepath": clip}),
         ("restore_objects", {}), ("use_lens_preset", {"filepath": clip}),
     ):  # fmt: skip

@@ -15,8 +15,10 @@ from addon.core.focus.transfer import carry_focus, depth_ratio
 from addon.core.media.clip import open_footage
 from addon.core.sfm.process import SolveProcess
 from addon.scene.build import build
+from addon.scene.focus.focus_marks import set_focus
 from addon.scene.focus.refocus import keep_focus, restore_focus
-from addon.scene.lens.lens import set_aperture, set_focus
+from addon.scene.lens import lens
+from addon.scene.lens.lens import set_aperture
 from addon.ui.base.solving import Solving
 from addon.ui.footage.solve import kept_words
 
@@ -58,7 +60,6 @@ def old() -> Reconstruction:
 def test_points_are_found_by_their_places(old: Reconstruction) -> None:
     new = solved_anew(old)
     carried = carry_focus(old, new, Focus(PICKED), 2)
-    assert carried.frame == 2
     assert carried.scale == pytest.approx(3.0, rel=0.01)
     np.testing.assert_allclose(
         new.points.xyz[list(carried.focus.points)], 3 * old.points.xyz[list(PICKED)], rtol=1e-9
@@ -101,7 +102,7 @@ def test_lengths_follow_the_scale(old: Reconstruction) -> None:
 
 def test_a_frame_that_is_not_registered_any_more_has_a_neighbour(old: Reconstruction) -> None:
     carried = carry_focus(old, solved_anew(old, frames=(3, 4)), Focus(PICKED), 1)
-    assert carried.frame == 3 and len(carried.focus.points) == 4
+    assert len(carried.focus.points) == 4
 
 
 def scene_of(scene: bpy.types.Scene, folder: Path, old: Reconstruction) -> bpy.types.PropertyGroup:
@@ -122,12 +123,13 @@ def test_points_distance_aperture_and_keys_are_kept(
     set_focus(settings, Focus(PICKED), 2)
     set_aperture(settings, 0.1, None)
     distance = settings.focus_distance
-    for frame, value in ((1, 4.0), (4, 8.0)):
-        settings.focus_distance = value
-        settings.keyframe_insert("focus_distance", frame=frame)
-    settings.focus_distance, settings.focus_by = distance, "POINTS"
+    with lens.writing():
+        for frame, value in ((1, 4.0), (4, 8.0)):
+            settings.focus_distance = value
+            settings.keyframe_insert("focus_distance", frame=frame)
+        settings.focus_distance = distance
     assert again(settings, solved_anew(old), tmp_path) == ""
-    assert len(settings.focus_points) == 4 and settings.focus_by == "POINTS" and settings.focus_frame == 2
+    assert len(settings.marks.points) == 4 and settings.marks.items[0].frame == 2
     assert settings.focus_distance == pytest.approx(3 * distance, rel=0.01)
     assert settings.aperture_radius == pytest.approx(0.3, rel=0.01)
     scene.frame_set(1)
@@ -144,7 +146,7 @@ def test_a_focus_that_is_gone_stays_at_its_distance_and_says_so(
     distance = settings.focus_distance
     note = again(settings, solved_anew(old, without=PICKED), tmp_path)
     assert "were not found again" in note
-    assert len(settings.focus_points) == 0 and settings.focus_by == "DISTANCE"
+    assert not lens.focus_of(settings).points
     assert settings.focus_distance == pytest.approx(3 * distance, rel=0.01)
 
 
@@ -181,11 +183,11 @@ def test_solving_again_keeps_the_focus_and_one_at_a_time(scene: bpy.types.Scene,
         solving.cancel()
     assert bpy.ops.virtual_aperture.solve(again=True) == {"FINISHED"}
     Solving.running = None
-    assert len(settings.focus_points) == 3 and settings.focus_frame == 6
+    assert len(settings.marks.points) == 3 and settings.marks.items[0].frame == 6
     assert settings.focus_distance == pytest.approx(distance, rel=0.02)
 
 
 def test_without_a_common_frame_nothing_is_carried(old: Reconstruction) -> None:
     new = solved_anew(slanted_plane(LENS, (11, 12)), frames=(11, 12))
     carried = carry_focus(old, new, Focus(PICKED, 8.0), 1)
-    assert carried.focus == Focus((), 8.0) and carried.frame == 11
+    assert carried.focus == Focus((), 8.0)

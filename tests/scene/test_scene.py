@@ -17,7 +17,7 @@ from mathutils import Vector
 from addon.core.camera.reconstruction import Intrinsics, normalise
 from addon.core.focus.focus import Focus
 from addon.scene.build import build
-from addon.scene.lens.lens import set_focus
+from addon.scene.focus.focus_marks import set_focus
 from addon.scene.solve import store
 from addon.scene.sources.shot import Shot
 

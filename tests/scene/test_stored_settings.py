@@ -9,6 +9,8 @@ from typing import Any
 import bpy
 import pytest
 
+from addon.core.focus.focus import Focus
+
 from . import stored_settings
 
 FILES = sorted(stored_settings.STORED.glob("*.blend"))
@@ -26,6 +28,21 @@ def lost(before: Any, now: Any, path: str = "") -> list[str]:
     return [] if before == now else [f"{path}: {before!r} is {now!r}"]
 
 
+def taken_over(before: Any) -> tuple[Any, ...]:
+    """Take what marks have taken over out of the values of 1.0.0; the place of its mark."""
+    settings, enums = before["values"]["scene"], before["enums"]["scene"]
+    # A mark that holds its distance was in focus.
+    assert settings.pop("focus_by") == "DISTANCE" and enums.pop("focus_by")
+    del settings["focus_points"], settings["focus_frame"]
+    assert settings["marks"].pop("is_first")
+    (mark,) = settings["marks"]["items"]
+    (place,) = mark.pop("places")
+    assert place["points"] == [{"point": 1}] and place["through_points"] and place["has_world"]
+    assert place["xy"][0] < 0
+    focus = Focus((1,), through_points=True)
+    return focus, place["frame"], place["distance"], place["source"], place["world"]
+
+
 def test_there_is_one_of_the_first_release() -> None:
     assert "1.0.0" in [file.stem for file in FILES]
 
@@ -36,6 +53,12 @@ def test_the_settings_of_a_release_are_there(registered: None, file: Path) -> No
     scene = bpy.context.scene
     assert scene.render.engine == stored_settings.ENGINE
     before = json.loads(file.with_suffix(".json").read_text())
+    if file.stem == "1.0.0":
+        taken = taken_over(before)
+        (mark,) = scene.virtual_aperture.marks.items
+        (place,) = mark.places
+        assert (place.focus, place.frame, place.distance, place.source, list(place.world)) == taken
+        assert place.xy is None and scene.virtual_aperture.marks.is_first
     assert lost(before, stored_settings.held_by(scene)) == []
 
 

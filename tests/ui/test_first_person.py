@@ -63,13 +63,13 @@ def test_the_nearest_person_takes_the_place_of_the_first_focus(
     reconstruction = walls.filmed(walls.with_person, FEW).reconstruction
     settings = build(scene, footage, reconstruction)
     focus_marks.set_first(settings, reconstruction)
-    assert settings.marks.is_first and not settings.marks.items[0].places[0].get("followed")
+    assert settings.marks.is_first and not settings.marks.items[0].places[0].followed
     focus_marks.put_first(settings, Place(Focus(distance=walls.FAR), FEW[0], walls.FAR, "the far wall"))
     blur = settings.blur
     first_person.focus(scene)
     (mark,) = settings.marks.items
     assert settings.marks.is_first and mark.name == "Person" and mark.frame == FEW[0]
-    assert list(mark.places[0]["followed_frames"]) == list(FEW)
+    assert list(mark.places[0].followed) == list(FEW)
     assert settings.focus_distance == pytest.approx(walls.NEAR, rel=0.02)
     assert settings.blur == pytest.approx(blur, rel=1e-5)
     assert "In focus: the nearest person" in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
@@ -118,7 +118,7 @@ def test_focus_follows_the_nearest_person(scene: bpy.types.Scene, tmp_path: Path
     assert bpy.ops.virtual_aperture.follow_nearest() == {"FINISHED"}
     (mark,) = settings.marks.items
     assert mark.name == "Nearest person" and mark.frame == FEW[4]
-    assert list(mark.places[0]["followed_frames"]) == list(FEW)
+    assert list(mark.places[0].followed) == list(FEW)
     assert settings.focus_distance == pytest.approx(walls.NEAR, rel=0.02)
 
 
@@ -126,6 +126,6 @@ def test_a_first_focus_without_a_place_is_a_distance(scene: bpy.types.Scene, tmp
     """As where the camera turns away from the first place, or passes it."""
     footage = open_footage(planes.write_clip(tmp_path / "still", [walls.still(each) for each in FEW], FEW[0]))
     settings = build(scene, footage, walls.filmed(walls.still, FEW).reconstruction)
-    focus_marks.put_first(settings, Place(Focus(distance=6.0), FEW[0], 6.0, "an object"))
+    focus_marks.put_first(settings, Place(Focus(distance=6.0), FEW[0], 6.0, "a fixed distance"))
     assert solve.solved_words(scene, "Solved").startswith("Solved; focused on a fixed distance")
     assert "In focus: a fixed distance" in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)

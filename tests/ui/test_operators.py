@@ -99,11 +99,6 @@ CASES = {
         f"{UI}::test_focus_from_selected_vertices",
         "no vertices are selected",
     ),
-    "clear_focus": Case(
-        "scene/test_lens_settings.py::test_clearing_leaves_the_focus_at_its_distance",
-        "scene/test_lens_settings.py::test_clearing_leaves_the_focus_at_its_distance",
-        "Nothing has been picked",
-    ),
     "pick_focus": Case(
         f"{PICK}::test_a_pick_is_in_focus",
         f"{PICK}::test_a_pick_is_refused",

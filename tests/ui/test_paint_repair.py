@@ -17,7 +17,8 @@ from addon.core.frame.repairs import Repair
 from addon.core.media.light import to_linear
 from addon.render.output.frame_keys import frame_keys
 from addon.scene.build import build
-from addon.scene.lens.lens import frame_options, set_focus
+from addon.scene.focus.focus_marks import set_focus
+from addon.scene.lens.lens import frame_options
 from addon.scene.lens.repairs import repairs_of
 from addon.scene.sources.shot import shot_of
 from addon.ui import panels

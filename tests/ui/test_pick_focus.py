@@ -51,7 +51,7 @@ def test_a_pick_is_in_focus(scene: bpy.types.Scene, shot: Shot, capsys: pytest.C
     assert OPERATORS.pick_focus(x=0.2, y=0.5) == {"FINISHED"}
     # The plane's inverse depth is linear over the picture, from 5 to 12 away.
     assert 1 / settings.focus_distance == pytest.approx(0.8 / 5 + 0.2 / 12, rel=0.02)
-    assert len(settings.focus_points) == 4 and settings.focus_frame == 3
+    assert len(settings.marks.points) == 4 and settings.marks.items[0].frame == 3
     assert len(settings.aperture.data.vertices) > 0
     assert "In focus at frame 3: Place, 5." in capsys.readouterr().out
     scene.frame_set(7)
@@ -121,7 +121,7 @@ def test_the_list_is_edited(scene: bpy.types.Scene, shot: Shot, capsys: pytest.C
         assert OPERATORS.jump_to_unseen() == {"FINISHED"} and scene.frame_current == frame
     assert OPERATORS.remove_focus_mark() == {"FINISHED"}
     assert frames(scene) == [8] and "Removed the focus mark at frame 3" in capsys.readouterr().out
-    assert OPERATORS.clear_focus() == {"FINISHED"}
+    assert OPERATORS.remove_focus_mark() == {"FINISHED"}
     assert not frames(scene) and settings.focus_distance == 4.0
 
 
@@ -169,13 +169,13 @@ def test_a_solve_puts_something_in_focus(
     settings.lens, settings.equivalent = "GIVEN", 29.42  # solved in half the time
     assert OPERATORS.solve() == {"FINISHED"}
     assert "; focused on the nearest large object near the centre" in capsys.readouterr().out
-    assert settings.marks.is_first and len(settings.focus_points) == 4 and settings.aperture_radius > 0
+    assert settings.marks.is_first and len(settings.marks.points) == 4 and settings.aperture_radius > 0
     texts = " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
     assert "Automatic focus" in texts
     assert OPERATORS.render_frame.poll()
     # It is nobody's pick: kept over a solve as it is, and told as long as nothing else is picked.
     assert OPERATORS.solve() == {"FINISHED"} and settings.marks.is_first
     assert OPERATORS.pick_focus(x=0.5, y=0.5) == {"FINISHED"}
-    picked = [entry.point for entry in settings.focus_points]
+    picked = settings.marks.points
     assert OPERATORS.solve() == {"FINISHED"}
-    assert not settings.marks.is_first and [entry.point for entry in settings.focus_points] == picked
+    assert not settings.marks.is_first and settings.marks.points == picked

@@ -161,7 +161,7 @@ def test_a_picked_focus_takes_the_object_that_is_clicked(
     assert OPERATORS.pick_focus(x=x / walls.WIDTH, y=y / walls.HEIGHT) == {"FINISHED"}
     assert not len(settings.subjects.items) and "In focus at frame 16" in capsys.readouterr().out
     (mark,) = settings.marks.items
-    assert mark.frame == FRAME and len(mark.places[0]["followed_frames"]) == len(FEW)
+    assert mark.frame == FRAME and len(mark.places[0].followed) == len(FEW)
 
 
 def test_a_subject_is_carried_and_in_focus(

@@ -55,18 +55,18 @@ def test_focus_from_selected_vertices(scene: bpy.types.Scene, tmp_path: Path) ->
         bpy.ops.virtual_aperture.set_focus()
     select(settings.points, (7,))
     assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
-    assert [entry.point for entry in settings.focus_points] == [7]
+    assert settings.marks.points == (7,)
     select(settings.points, (7, 11, 30))
     assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
-    assert [entry.point for entry in settings.focus_points] == [7, 11, 30]
-    assert settings.focus_frame == 2
+    assert settings.marks.points == (7, 11, 30)
+    assert settings.marks.items[0].frame == 2
     assert settings.points.mode == "OBJECT"
     # IDs stay when vertices before them are deleted.
     select(settings.points, (0, 1, 2))
     bpy.ops.mesh.delete(type="VERT")
     select(settings.points, (4, 8))
     assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
-    assert [entry.point for entry in settings.focus_points] == [7, 11]
+    assert settings.marks.points == (7, 11)
     assert len(settings.aperture.data.vertices) > 0
 
 
@@ -76,7 +76,7 @@ def test_all_points_are_no_focus(scene: bpy.types.Scene, tmp_path: Path) -> None
     select(settings.points, tuple(range(150)))
     with pytest.raises(RuntimeError, match="all 150 vertices are selected"):
         bpy.ops.virtual_aperture.set_focus()
-    assert settings.points.mode == "EDIT" and not settings.focus_points
+    assert settings.points.mode == "EDIT" and not settings.marks.points
     select(settings.points, tuple(range(149)))
     assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
 
@@ -98,7 +98,7 @@ def test_render_frame_and_clip_write_pictures(scene: bpy.types.Scene, tmp_path: 
 
 
 def test_scene_changes_can_be_undone() -> None:
-    for name in ("choose_clip", "solve", "import_solve", "import_movie_clip", "set_focus", "clear_focus"):
+    for name in ("choose_clip", "solve", "import_solve", "import_movie_clip", "set_focus"):
         name = f"VIRTUAL_APERTURE_OT_{name}"
         assert "UNDO" in getattr(bpy.types, name).bl_options
 
@@ -151,11 +151,6 @@ def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> No
     props, operators, _ = drawn(closed=True)
     assert {"focus_object", "(focus_distance)", "aperture_radius", "frame_start", "quality"} <= props
     assert {"virtual_aperture.hold_focus", "virtual_aperture.remove_focus_mark"} <= operators
-    # Points that a script set.
-    settings.marks.items.clear()
-    props, operators, texts = drawn(closed=True)
-    assert "3 points, picked at frame 1" in texts
-    assert "virtual_aperture.clear_focus" in operators and "focus_by" in props
     settings.focus_distance = 7.0
     assert "focus_distance" in drawn(closed=True)[0]
     scene.render.filepath = "//out/"

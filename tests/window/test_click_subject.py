@@ -17,7 +17,7 @@ from .steps import MARKS, PICKING, SETTINGS, begin, over, running
 
 FRAMES, FRAME = tuple(range(11, 22)), 16
 SUBJECTS = f"[each.name for each in {SETTINGS}.subjects.items]"
-FOLLOWED = f"list({SETTINGS}.marks.items[0].places[0].get('followed_frames', []))"
+FOLLOWED = f"list({SETTINGS}.marks.items[0].places[0].followed)"
 
 pytestmark = pytest.mark.usefixtures("in_order")
 

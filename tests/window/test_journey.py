@@ -217,12 +217,12 @@ def test_pick_points(program: Program) -> None:
     program.press("virtual_aperture.set_focus()")
     program.wait(f"{SETTINGS}.points.mode == 'OBJECT'")
     program.shot("focus_set")
-    assert program.ask(f"len({SETTINGS}.focus_points)") == len(picked)
+    assert program.ask(f"len({SETTINGS}.marks.points)") == len(picked)
 
 
 def test_focus_is_undone_and_redone(program: Program) -> None:
     first_window(program)
-    points = f"[entry.point for entry in {SETTINGS}.focus_points]"
+    points = f"list({SETTINGS}.marks.points)"
     picked = program.ask(points)
     program.screen.key("ctrl+z")
     # What was in focus after the solve, which nobody had picked.

@@ -37,7 +37,7 @@ pytestmark = pytest.mark.usefixtures("in_order")
 def blend(folder: Path, registered: None, desk: Path, desk_work: Path) -> Path:
     """The sample clip, solved, with its wall in focus, in a .blend."""
     from addon.core.focus.focus import Focus
-    from addon.scene.lens.lens import set_focus
+    from addon.scene.focus.focus_marks import set_focus
 
     def focus_on_wall(settings: Any, solve: Reconstruction) -> None:
         settings.blur, image = 0.05, solve.images[0]

@@ -15,7 +15,7 @@ from .screen import Screen
 from .steps import MARKS, PICKING, begin, ended, over, running
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
-POINTS = f"[entry.point for entry in {SETTINGS}.focus_points]"
+POINTS = f"list({SETTINGS}.marks.points)"
 KEYS = f"__import__('sys').modules['{EXTENSION}.addon.scene.lens.lens'].keys_of({SETTINGS}, 'focus_distance')"
 GLOBE, FLOOR = (0.53, 0.45), (0.35, 0.67)
 """Places of the sample clip's first frame, fractions of the picture: the globe is nearer."""

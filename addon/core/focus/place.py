@@ -53,6 +53,8 @@ class Place:
     """New subject of the clip that the place is on."""
     is_estimated: bool = False
     """True if the distance is uncertain: that at which the renderer draws the pixel."""
+    is_automatic: bool = False
+    """True if nobody picked the place."""
 
 
 @dataclass(frozen=True)

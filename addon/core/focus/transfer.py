@@ -28,8 +28,6 @@ class Refocus:
 
     focus: Focus
     """Focus with point IDs of the new reconstruction; none where their places are not seen there."""
-    frame: int
-    """Registered frame of the new reconstruction that the focus was picked in, or the nearest one."""
     scale: float
     """New scene units for one old unit: a reconstruction has an arbitrary scale."""
 
@@ -42,7 +40,7 @@ def carry_focus(old: Reconstruction, new: Reconstruction, focus: Focus, frame: i
     """
     common = np.intersect1d(old.frames, new.frames)
     if not len(common):
-        return Refocus(Focus(distance=focus.distance), int(new.frames[0]), 1.0)
+        return Refocus(Focus(distance=focus.distance), 1.0)
     order = common[np.argsort(np.abs(common - frame), kind="stable")]
     nearest = int(order[0])
     scale = depth_ratio(old, new, nearest)
@@ -60,7 +58,7 @@ def carry_focus(old: Reconstruction, new: Reconstruction, focus: Focus, frame: i
             found += [] if match is None or match in found else [match]
             break
     enough = len(found) >= min(FEWEST_IN_PLANE if focus.through_points else 2, len(focus.points))
-    return Refocus(Focus(tuple(found) if enough else (), distance), nearest, scale)
+    return Refocus(Focus(tuple(found) if enough else (), distance), scale)
 
 
 def carry_place(old: Reconstruction, new: Reconstruction, place: Place) -> Place:

@@ -4,7 +4,7 @@ import bpy
 
 from ...core.base.errors import UserError
 
-VERSION = 4
+VERSION = 5
 """To be raised where a release reads a scene in another way than the one before it."""
 NEWER = "this scene was made with a newer Virtual Aperture; update the extension"
 

@@ -16,7 +16,6 @@ from bpy.props import (
     CollectionProperty,
     EnumProperty,
     FloatProperty,
-    FloatVectorProperty,
     IntProperty,
     StringProperty,
 )
@@ -32,7 +31,7 @@ from ..base.timeline import clip_frame
 from ..lens import lens
 from ..sources.shot import reconstruction_of
 from . import focus_curve
-from .kept_places import fill, marks_of
+from .kept_places import at_distance, fill, marks_of, unpacked
 
 NEARER = 3.0
 """Times that the first focus may come nearer before it stays at its distance instead. In a clip of a
@@ -58,30 +57,6 @@ def _moved(mark: VirtualApertureFocusMark, _context: bpy.types.Context) -> None:
         mark.frame = frame
         _sort(settings, frame)
     write(settings)
-
-
-class VirtualApertureFocusPoint(bpy.types.PropertyGroup):
-    """One picked feature point."""
-
-    point: IntProperty(name="Point", description="Vertex index of the point in the point cloud", min=0)
-
-
-class VirtualApertureFocusPlace(bpy.types.PropertyGroup):
-    """One place in focus of a mark: a `Place`."""
-
-    frame: IntProperty(name="Frame", description="Frame it was picked in")
-    xy: FloatVectorProperty(
-        name="Place",
-        description="Position as fractions of the image, from the top left",
-        size=2,
-        default=(-1, -1),
-    )
-    distance: FloatProperty(name="Distance", description="Distance in that frame, along the optical axis")
-    source: StringProperty(name="Source", description="How its distance was found")
-    points: CollectionProperty(type=VirtualApertureFocusPoint)
-    through_points: BoolProperty(name="Plane Through Points")
-    has_world: BoolProperty(name="Stands Still", description="Its position in 3D is known")
-    world: FloatVectorProperty(name="3D Position", size=3)
 
 
 class VirtualApertureFocusMark(bpy.types.PropertyGroup):
@@ -112,12 +87,17 @@ class VirtualApertureFocusMark(bpy.types.PropertyGroup):
         description="Keep the distance at the mark's frame instead of following what was picked",
         update=_rewrite,
     )
-    places: CollectionProperty(type=VirtualApertureFocusPlace)
+    kept: StringProperty(name="Places", description="What is in focus", options={"HIDDEN"})
     distance: FloatProperty(
         name="Distance",
         description="Distance from the camera at its frame, in scene units",
         subtype="DISTANCE",
     )
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """The places in focus; the distance of a mark that was made without any."""
+        return unpacked(self.kept) if self.kept else (at_distance(self.distance, self.frame),)
 
 
 class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
@@ -133,9 +113,21 @@ class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
     unseen: StringProperty(
         name="Not Seen", description="Frames in which the thing in focus cannot be seen", options={"HIDDEN"}
     )
-    is_first: BoolProperty(
-        name="First Focus", description="Set automatically, not picked yet", options={"HIDDEN"}
-    )
+
+    @property
+    def is_first(self) -> bool:
+        """Whether the focus is the automatic one, which nobody has picked yet."""
+        return len(self.items) == 1 and all(place.is_automatic for place in self.items[0].places)
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """The feature points of an only mark, which are followed without keys; of another focus none."""
+        if len(self.items) != 1 or self.items[0].holds:
+            return ()
+        places = self.items[0].places
+        if not all(place.focus.points for place in places):
+            return ()
+        return tuple(dict.fromkeys(point for place in places for point in place.focus.points))
 
 
 def put(
@@ -148,31 +140,19 @@ def put(
     group = settings.marks
     with lens.writing():
         # Keys that the user deleted do not come back.
-        gone = focus_curve.is_users(settings) and not lens.has_keys(settings, "focus_distance")
-        if gone or (not add and len(group.items) < 2):
+        if are_keys_gone(settings) or (not add and len(group.items) < 2):
             group.items.clear()
-        elif not len(group.items):
-            _add_present(settings)
         mark = at_frame(settings, frame)
         if mark is None:
             mark = group.items.add()
         mark.frame = frame
         fill(mark, places)
-        group.is_first = False
+        settings.focus_through_points = any(place.focus.through_points for place in places)
         _sort(settings, frame)
     write(settings)
     found = at_frame(settings, frame)
     assert found is not None
     return found
-
-
-def _add_present(settings: bpy.types.PropertyGroup) -> None:
-    """Add a mark for a focus without one: points set by a script, or a distance."""
-    focus, distance, frame = lens.focus_of_settings(settings), settings.focus_distance, settings.focus_frame
-    if focus.points or distance > 0:
-        mark = settings.marks.items.add()
-        mark.frame = frame
-        fill(mark, [Place(replace(focus, tilt=0.0, swing=0.0), frame, distance or 1.0, "picked before")])
 
 
 def replace_all(settings: bpy.types.PropertyGroup, marks: Iterable[FocusMark]) -> None:
@@ -183,9 +163,17 @@ def replace_all(settings: bpy.types.PropertyGroup, marks: Iterable[FocusMark]) -
             mark = settings.marks.items.add()
             mark.frame, mark.easing, mark.pull, mark.holds = each.frame, each.easing, each.pull, each.holds
             fill(mark, each.places)
-        settings.marks.is_first = False
         _sort(settings)
     write(settings)
+
+
+def set_focus(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> None:
+    """Put points or a distance in focus by a single mark, with its tilt."""
+    distance = focus.distance or lens.distance_at(settings, focus, frame)
+    with lens.writing():
+        settings.focus_tilt, settings.focus_swing = focus.tilt, focus.swing
+        settings.focus_through_points = focus.through_points
+    replace_all(settings, [FocusMark.of(Place(focus, frame, distance, "points or a distance"))])
 
 
 def at_frame(settings: bpy.types.PropertyGroup, frame: int) -> bpy.types.PropertyGroup | None:
@@ -194,13 +182,15 @@ def at_frame(settings: bpy.types.PropertyGroup, frame: int) -> bpy.types.Propert
 
 
 def on_distance(settings: bpy.types.PropertyGroup) -> None:
-    """Replace the only mark by a distance that was set by hand."""
-    group, distance = settings.marks, settings.focus_distance
-    if len(group.items) != 1 or not distance > 0 or lens.has_keys(settings, "focus_distance"):
+    """Put a distance that was set by hand in the place of the only mark, or make one at this frame."""
+    marks, distance = settings.marks.items, settings.focus_distance
+    if len(marks) > 1 or not distance > 0 or lens.has_keys(settings, "focus_distance"):
         return
-    (mark,) = group.items
-    fill(mark, [Place(Focus(distance=distance), mark.frame, distance, "a distance")])
-    group.is_first = False
+    if not len(marks):
+        marks.add().frame = clip_frame(settings.id_data)
+        # An aperture that is chosen already stays.
+        settings.follows_blur = False
+    fill(marks[0], [at_distance(distance, marks[0].frame)])
 
 
 def move(settings: bpy.types.PropertyGroup, index: int, frame: int) -> None:
@@ -220,7 +210,6 @@ def remove(settings: bpy.types.PropertyGroup, index: int) -> None:
     with lens.writing():
         group.items.remove(index)
         group.active = max(min(group.active, len(group.items) - 1), 0)
-        group.is_first = False
     write(settings)
 
 
@@ -230,7 +219,6 @@ def clear(settings: bpy.types.PropertyGroup) -> None:
         if not are_keys_users(settings):
             focus_curve.remove(settings)
         settings.marks.items.clear()
-        settings.marks.is_first = False
 
 
 def are_keys_users(settings: bpy.types.PropertyGroup) -> bool:
@@ -238,15 +226,9 @@ def are_keys_users(settings: bpy.types.PropertyGroup) -> bool:
     return lens.has_keys(settings, "focus_distance") and focus_curve.is_users(settings)
 
 
-def say_the_focus(settings: bpy.types.PropertyGroup) -> bool:
-    """Return whether the focus is that of the marks, and no script has changed it since."""
-    group = settings.marks
-    if not len(group.items) or lens.has_keys(settings, "focus_distance"):
-        return bool(len(group.items))
-    steady, own = _steady(settings, marks_of(settings)), lens.focus_of_settings(settings)
-    if steady is None or steady.points != own.points:
-        return False
-    return bool(own.points) or settings.focus_distance == group.items[0].distance
+def are_keys_gone(settings: bpy.types.PropertyGroup) -> bool:
+    """Return whether the user has deleted the keys that marks wrote."""
+    return focus_curve.is_users(settings) and not lens.has_keys(settings, "focus_distance")
 
 
 def take_keys_over(settings: bpy.types.PropertyGroup) -> None:
@@ -259,25 +241,22 @@ def write(settings: bpy.types.PropertyGroup) -> None:
     """Set the focus of the marks, by keys where its distance changes; the user's keys stay."""
     if are_keys_users(settings):
         return
-    marks, at = sorted(marks_of(settings), key=lambda mark: mark.frame), lens.focus_of_settings(settings)
     with lens.writing():
         _sort(settings)
+        marks = marks_of(settings)
         hidden = unseen_of(settings, marks)
         settings.marks.unseen = " ".join(map(str, hidden))
         if not marks:
             focus_curve.remove(settings)
-            lens.clear_points(settings)
             return
-        first, steady = marks[0], _steady(settings, marks)
-        focus = steady or Focus(distance=float(np.mean([place.distance for place in first.places])))
-        focus = replace(focus, tilt=at.tilt, swing=at.swing)
+        steady = _steady(settings, marks)
         if steady is not None:
             focus_curve.remove(settings)
-            lens.set_focus(settings, focus, first.frame)
-            settings.marks.items[0].distance = settings.focus_distance
+            settings.focus_distance = settings.marks.items[0].distance = steady
+            lens.choose_aperture(settings)
             return
-        distances = focus_curve.write(settings, marks, hidden)
-        lens.set_focus(settings, replace(focus, distance=distances[first.frame]), first.frame)
+        settings.focus_distance = focus_curve.write(settings, marks, hidden)[marks[0].frame]
+        lens.choose_aperture(settings)
         settings.focus_distance = focus_curve.value(settings, clip_frame(settings.id_data))
         for mark in settings.marks.items:
             mark.distance = focus_curve.value(settings, mark.frame)
@@ -301,7 +280,7 @@ def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
     ahead, nearest = (~np.isnan(inverse)).any(axis=1), np.nanmax(inverse)
     if not ahead.all() or nearest * place.distance > NEARER:
         # The camera turns away from it, or passes it, and a lens of this aperture would blur all else away.
-        place = replace(place, focus=Focus(distance=place.distance))
+        place = replace(place, focus=Focus(distance=place.distance), source="a fixed distance")
     put_first(settings, place)
 
 
@@ -310,24 +289,20 @@ def put_first(settings: bpy.types.PropertyGroup, place: Place) -> None:
     if not settings.metres_per_unit > 0:
         with lens.writing():
             settings.aperture_radius = 0.0
-    put(settings, place.frame, [place])
-    settings.marks.is_first = True
+    put(settings, place.frame, [replace(place, is_automatic=True)])
 
 
-def _steady(settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark]) -> Focus | None:
-    """The focus of a single mark that needs no keys: feature points, or a bare distance."""
+def _steady(settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark]) -> float | None:
+    """The distance of a single mark that needs no keys: held, by feature points, or bare."""
     if len(marks) > 1:
         return None
-    places = marks[0].places
-    if marks[0].holds:
-        inverse = marks[0].inverse_depths(reconstruction_of(settings), [marks[0].frame])
-        return Focus(distance=float(1 / inverse[0]))
-    if all(place.focus.points for place in places):
-        points = dict.fromkeys(point for place in places for point in place.focus.points)
-        through = any(place.focus.through_points for place in places)
-        return Focus(points=tuple(points), through_points=through)
-    if len(places) == 1 and places[0].world is None and not places[0].followed:
-        return Focus(distance=places[0].distance)
+    (mark,) = marks
+    if mark.holds:
+        return float(1 / mark.inverse_depths(reconstruction_of(settings), [mark.frame])[0])
+    if points := settings.marks.points:
+        return lens.distance_at(settings, Focus(points), mark.frame)
+    if len(mark.places) == 1 and mark.places[0].world is None and not mark.places[0].followed:
+        return mark.places[0].distance
     return None
 
 
@@ -343,9 +318,4 @@ def _sort(settings: bpy.types.PropertyGroup, active: int | None = None) -> None:
     group.active = next((n for n, mark in enumerate(group.items) if mark.frame == chosen), 0)
 
 
-CLASSES = (
-    VirtualApertureFocusPoint,
-    VirtualApertureFocusPlace,
-    VirtualApertureFocusMark,
-    VirtualApertureFocusMarks,
-)
+CLASSES = (VirtualApertureFocusMark, VirtualApertureFocusMarks)

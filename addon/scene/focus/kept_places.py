@@ -1,6 +1,10 @@
 """Places and marks of the focus as they are kept in the .blend, and as the core has them."""
 
+import json
 from collections.abc import Sequence
+from dataclasses import asdict, replace
+from functools import lru_cache
+from typing import Any
 
 import bpy
 import numpy as np
@@ -9,61 +13,50 @@ from ...core.focus.focus import Focus
 from ...core.focus.place import Place
 from ...core.focus.pull import FocusMark
 
-FOLLOWED, FOLLOWED_FRAMES = "followed", "followed_frames"
-"""Custom properties of a place on a moving object: its distances, and the frames of those."""
-
-
-def places_of(mark: bpy.types.PropertyGroup) -> tuple[Place, ...]:
-    """Return the places of a mark; of one without any, its bare distance."""
-    if not len(mark.places):
-        return (Place(Focus(distance=mark.distance), mark.frame, mark.distance, "a distance"),)
-    return tuple(map(_place, mark.places))
-
 
 def marks_of(settings: bpy.types.PropertyGroup) -> list[FocusMark]:
     """Return the marks as the core sees them."""
     return [
-        FocusMark(mark.frame, places_of(mark), mark.easing, mark.pull, mark.holds)
-        for mark in settings.marks.items
+        FocusMark(each.frame, each.places, each.easing, each.pull, each.holds)
+        for each in settings.marks.items
     ]
 
 
 def fill(mark: bpy.types.PropertyGroup, places: Sequence[Place]) -> None:
     """Replace the places of a mark."""
-    mark.places.clear()
-    mark.distance = float(1 / np.mean([1 / place.distance for place in places]))
+    with np.errstate(divide="ignore"):
+        mark.distance = 1 / np.mean(np.divide(1, [place.distance for place in places]))
     mark.name = _name_of(places)
-    if len(places) == 1 and _is_bare(places[0]):
-        return
-    for place in places:
-        kept = mark.places.add()
-        kept.frame, kept.distance, kept.source = place.frame, place.distance, place.source
-        kept.through_points = place.focus.through_points
-        if place.xy is not None:
-            kept.xy = place.xy
-        for point in place.focus.points:
-            kept.points.add().point = point
-        if place.world is not None:
-            kept.has_world, kept.world = True, place.world
-        if place.followed:
-            frames = sorted(place.followed)
-            kept[FOLLOWED_FRAMES] = np.array(frames, np.int32)
-            kept[FOLLOWED] = np.array([place.followed[frame] for frame in frames])
+    mark.kept = packed(places)
 
 
-def _is_bare(place: Place) -> bool:
-    return not (place.focus.points or place.followed) and place.world is None
+def at_distance(distance: float, frame: int) -> Place:
+    """Return a bare distance as a place of a frame."""
+    return Place(Focus(distance=distance), frame, distance, "a distance")
 
 
-def _place(kept: bpy.types.PropertyGroup) -> Place:
-    points = tuple(entry.point for entry in kept.points)
-    focus = Focus(points, through_points=kept.through_points) if points else Focus(distance=kept.distance)
-    followed: dict[int, float] = {}
-    if FOLLOWED in kept:
-        followed = dict(zip(map(int, kept[FOLLOWED_FRAMES]), map(float, kept[FOLLOWED]), strict=True))
-    world = np.array(kept.world, np.float64) if kept.has_world else None
-    xy = (float(kept.xy[0]), float(kept.xy[1])) if kept.xy[0] >= 0 else None
-    return Place(focus, kept.frame, kept.distance, kept.source, world, followed, xy)
+def packed(places: Sequence[Place]) -> str:
+    """Return places as a mark keeps them, in JSON."""
+    return json.dumps(list(map(_packed, places)), default=lambda value: value.tolist())
+
+
+@lru_cache
+def unpacked(kept: str) -> tuple[Place, ...]:
+    """Return the places of `packed`."""
+    return tuple(map(_place, json.loads(kept)))
+
+
+def _packed(place: Place) -> dict[str, Any]:
+    followed = {int(frame): away for frame, away in place.followed.items()}
+    return asdict(replace(place, followed=followed, marks=None))
+
+
+def _place(kept: dict[str, Any]) -> Place:
+    points = {"points": tuple(kept["focus"]["points"])}
+    followed = {int(frame): away for frame, away in kept["followed"].items()}
+    world = None if kept["world"] is None else np.array(kept["world"])
+    focus, xy = Focus(**kept["focus"] | points), kept["xy"] and tuple(kept["xy"])
+    return Place(**kept | {"focus": focus, "followed": followed, "world": world, "xy": xy})
 
 
 def _name_of(places: Sequence[Place]) -> str:

@@ -1,5 +1,6 @@
 """The focus of a scene, kept over a new solve of the same clip."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,40 +26,28 @@ class KeptFocus:
     """The lens settings in terms of the old reconstruction."""
 
     reconstruction: Reconstruction
-    focus: Focus
-    frame: int
-    by: str
+    marks: tuple[FocusMark, ...]
+    distance: float
+    """0 without a focus."""
     radius: float
     """0 while the blur has not chosen it."""
     metres_per_unit: float
     """0 where it is not known."""
-    marks: tuple[FocusMark, ...] = ()
-    is_first: bool = False
-    """True if the focus was not picked by the user."""
 
 
 def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | None:
     """Return the scene's focus and scale; None without any, or if its solve is of another clip."""
     if settings.points is None or not is_clip(clip, settings.clip_identity):
         return None
-    focus = Focus(
-        tuple(entry.point for entry in settings.focus_points),
-        settings.focus_distance if settings.focus_distance > 0 else None,
-        settings.focus_through_points,
-    )
-    scale = settings.metres_per_unit
-    if not focus.points and focus.distance is None and not scale:
+    marks = () if focus_marks.are_keys_gone(settings) else tuple(marks_of(settings))
+    distance, scale = settings.focus_distance, settings.metres_per_unit
+    if not marks and not distance and not scale:
         return None
-    radius = settings.aperture_radius
-    marks = marks_of(settings) if focus_marks.say_the_focus(settings) else []
     try:
         old = reconstruction_of(settings)
     except UserError:
         return None
-    return KeptFocus(
-        old, focus, settings.focus_frame, settings.focus_by, radius, scale,
-        tuple(marks), settings.marks.is_first,
-    )  # fmt: skip
+    return KeptFocus(old, marks, distance, settings.aperture_radius, scale)
 
 
 def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Reconstruction) -> str:
@@ -66,31 +55,27 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
 
     Keys of the distance and of the aperture are brought to the new scale, too.
     """
-    carried = carry_focus(kept.reconstruction, new, kept.focus, kept.frame)
+    old, frame = kept.reconstruction, kept.marks[0].frame if kept.marks else int(new.frames[0])
+    scale = carry_focus(old, new, Focus(), frame).scale
     with lens.writing():
-        settings.focus_points.clear()
-        for point in carried.focus.points:
-            settings.focus_points.add().point = point
-        settings.focus_frame = carried.frame
-        settings.focus_distance = carried.focus.distance or 0.0
-        has_points = bool(carried.focus.points)
-        settings.focus_by = kept.by if has_points or not settings.focus_distance else "DISTANCE"
-        settings.aperture_radius = kept.radius * carried.scale
-    settings.metres_per_unit = kept.metres_per_unit / carried.scale
+        settings.focus_distance = kept.distance * scale
+        settings.aperture_radius = kept.radius * scale
+    settings.metres_per_unit = kept.metres_per_unit / scale
     for name in LENGTHS:
-        _scale_keys(lens.keys_of(settings, name), carried.scale)
-    if kept.marks:
-        carried_marks = [
-            replace(mark, places=tuple(carry_place(kept.reconstruction, new, place) for place in mark.places))
-            for mark in kept.marks
-        ]
-        focus_marks.replace_all(settings, carried_marks)
-        settings.marks.is_first = kept.is_first
-    if has_points or kept.by != "POINTS" or not kept.focus.points:
+        _scale_keys(lens.keys_of(settings, name), scale)
+    carried = [
+        replace(mark, places=tuple(carry_place(old, new, place) for place in mark.places))
+        for mark in kept.marks
+    ]
+    focus_marks.replace_all(settings, carried)
+    if _by_points(carried) == _by_points(kept.marks):
         return ""
-    if settings.focus_distance:
-        return "The points in focus were not found again; focus stays at their distance. Pick it again"
-    return "The points in focus were not found again. Pick the focus again"
+    return "The points in focus were not found again; focus stays at their distance. Pick it again"
+
+
+def _by_points(marks: Sequence[FocusMark]) -> int:
+    """Number of the places that are followed by points."""
+    return sum(bool(place.focus.points) for mark in marks for place in mark.places)
 
 
 def _scale_keys(curve: bpy.types.FCurve | None, scale: float) -> None:

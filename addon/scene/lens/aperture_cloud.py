@@ -13,7 +13,7 @@ from ...core.frame.clip_context import ClipContext, no_picture
 from ...core.frame.warped_frame import view_offsets
 from ..sources.shot import reconstruction_of
 from . import depth_of_field
-from .lens import frame_options
+from .lens import focus_frame, frame_options
 
 _held = False
 
@@ -55,7 +55,7 @@ def update(settings: bpy.types.PropertyGroup) -> None:
 
 def _positions(settings: bpy.types.PropertyGroup) -> Floats:
     reconstruction = reconstruction_of(settings)
-    image, _ = reconstruction.image_at(settings.focus_frame)
+    image, _ = reconstruction.image_at(focus_frame(settings))
     camera = reconstruction.intrinsics(image)
     clip = ClipContext(reconstruction, no_picture, SparseDepth(reconstruction))
     size = camera.width, camera.height

@@ -129,7 +129,8 @@ def sharp_distances(settings: bpy.types.PropertyGroup) -> tuple[float, float] | 
         return None
     frame, focus = clip_frame(settings.id_data), lens.focus_of(settings)
     zone = lens.zone_of(settings)
-    chosen = settings.aperture_radius if lens.has_radius(settings) else (settings.blur, settings.focus_frame)
+    by_blur = settings.blur, lens.focus_frame(settings)
+    chosen = settings.aperture_radius if lens.has_radius(settings) else by_blur
     mesh = settings.points.original.data
     key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus, zone, chosen)
     if _last is None or _last[0] != key:

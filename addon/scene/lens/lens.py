@@ -61,18 +61,20 @@ def focus_of(settings: bpy.types.PropertyGroup) -> Focus:
 
 
 def focus_of_settings(settings: bpy.types.PropertyGroup) -> Focus:
-    """Return the focus that the settings describe.
-
-    Without picked points the distance counts, whichever is active.
-    """
-    points = tuple(entry.point for entry in settings.focus_points)
+    """Return the focus of the settings: the points of an only mark, else the distance, which may be keyed."""
     return Focus(
-        points=points if settings.focus_by == "POINTS" else (),
+        points=() if is_keyed(settings, "focus_distance") else settings.marks.points,
         distance=settings.focus_distance if settings.focus_distance > 0 else None,
         through_points=settings.focus_through_points,
         tilt=settings.focus_tilt,
         swing=settings.focus_swing,
     )
+
+
+def focus_frame(settings: bpy.types.PropertyGroup) -> int:
+    """Return the frame that the blur is chosen at: that of the first mark, or the clip's first."""
+    marks = settings.marks.items
+    return int(marks[0].frame if len(marks) else settings.clip_first)
 
 
 def zone_of(settings: bpy.types.PropertyGroup) -> InFocusZone:
@@ -118,7 +120,7 @@ def radius_of(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
     """
     if has_radius(settings):
         return float(settings.aperture_radius)
-    frame = settings.focus_frame
+    frame = focus_frame(settings)
     if frame not in reconstruction.frames:
         frame = int(reconstruction.frames[0])
     return radius_for_blur(reconstruction, focus_of(settings), frame, settings.blur)
@@ -164,55 +166,31 @@ def channels_of(settings: bpy.types.PropertyGroup) -> bpy.types.ActionChannelbag
     return action_get_channelbag_for_slot(animation.action, animation.action_slot)
 
 
-def key_distance(settings: bpy.types.PropertyGroup) -> None:
-    """Key the distance at the present frame, and put it in focus."""
-    with writing():
-        settings.focus_by = "DISTANCE"
-        settings.id_data.keyframe_insert(settings.path_from_id("focus_distance"), frame=_frame(settings))
+def key_distance(settings: bpy.types.PropertyGroup, distance: float) -> None:
+    """Key a distance at the present frame."""
+    settings.focus_distance = distance
+    settings.id_data.keyframe_insert(settings.path_from_id("focus_distance"), frame=_frame(settings))
 
 
-def set_focus(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> None:
-    """Put points or a distance in focus, at a frame, with its tilt.
-
-    Points set the distance to their own at that frame, so that it can be keyed from there on. The first
-    focus chooses the aperture, from the blur.
-    """
-    with writing():
-        settings.focus_points.clear()
-        for point in focus.points:
-            settings.focus_points.add().point = point
-        settings.focus_by = "POINTS" if focus.points else "DISTANCE"
-        settings.focus_frame = frame
-        settings.focus_through_points = focus.through_points
-        settings.focus_tilt, settings.focus_swing = focus.tilt, focus.swing
-        settings.focus_distance = focus.distance or _distance(settings, focus, frame)
-        if settings.follows_blur or not settings.aperture_radius > 0:
-            _store_radius(settings, frame)
-        settings.follows_blur = False
+def choose_aperture(settings: bpy.types.PropertyGroup) -> None:
+    """Choose the aperture of a first focus, from the blur; a later one looks through the same lens."""
+    if settings.follows_blur or not settings.aperture_radius > 0:
+        _store_radius(settings, focus_frame(settings))
+    settings.follows_blur = False
 
 
-def clear_points(settings: bpy.types.PropertyGroup) -> None:
-    """Forget the picked points; the focus stays at the distance."""
-    with writing():
-        settings.focus_points.clear()
-        settings.focus_by = "DISTANCE" if settings.focus_distance > 0 else "POINTS"
-
-
-def reset(settings: bpy.types.PropertyGroup, frame: int) -> None:
+def reset(settings: bpy.types.PropertyGroup) -> None:
     """Reset the lens for a new solve, with other points and another scale: no focus, and the blur counts."""
     with writing():
-        settings.focus_points.clear()
-        settings.focus_by = "POINTS"
-        settings.focus_distance = 0.0
-        settings.focus_frame = frame
-        settings.aperture_radius, settings.follows_blur = 0.0, False
+        settings.focus_distance = settings.aperture_radius = 0.0
+        settings.follows_blur = False
 
 
 def set_aperture(settings: bpy.types.PropertyGroup, radius: float, blur: float | None) -> None:
     """Choose the aperture's radius, and the wished blur; by default the radius gives the blur."""
     with writing():
         settings.aperture_radius, settings.follows_blur = radius, False
-        settings.blur = _blur_at(settings, settings.focus_frame) or settings.blur if blur is None else blur
+        settings.blur = _blur_at(settings, focus_frame(settings)) or settings.blur if blur is None else blur
 
 
 def blur_now(settings: bpy.types.PropertyGroup, stored: float) -> float:
@@ -257,12 +235,6 @@ def on_radius(settings: bpy.types.PropertyGroup) -> None:
     settings.blur = _blur_at(settings, _frame(settings)) or settings.blur
 
 
-def on_distance(settings: bpy.types.PropertyGroup) -> None:
-    """Focus at an edited distance."""
-    settings.focus_by = "DISTANCE" if settings.focus_distance > 0 else "POINTS"
-    on_focus(settings)
-
-
 def on_focus(settings: bpy.types.PropertyGroup) -> None:
     """Keep the aperture after the focus was moved by hand, and choose one where there was none.
 
@@ -271,9 +243,9 @@ def on_focus(settings: bpy.types.PropertyGroup) -> None:
     """
     frame = _frame(settings)
     chosen = settings.aperture_radius > 0
-    if not chosen and not settings.focus_points:
-        settings.follows_blur, settings.focus_frame = True, frame
-    elif frame != settings.focus_frame:
+    if not chosen and not settings.marks.points:
+        settings.follows_blur = True
+    elif frame != focus_frame(settings):
         settings.follows_blur = False
     if settings.follows_blur or not chosen:
         _store_radius(settings, frame)
@@ -328,10 +300,11 @@ def distance_now(settings: bpy.types.PropertyGroup) -> float:
         frame = registered(reconstruction_of(settings), _frame(settings))
     except UserError:
         return 0.0
-    return max(_distance(settings, focus_of(settings), frame), 0.0)
+    return max(distance_at(settings, focus_of(settings), frame), 0.0)
 
 
-def _distance(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> float:
+def distance_at(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> float:
+    """Return the distance of a focus at a registered frame along the optical axis; 0 if it is unknown."""
     try:
         return 1 / focus.inverse_depth(reconstruction_of(settings), frame)
     except UserError:

@@ -6,12 +6,11 @@ import bpy
 
 from ...core.base.counting import counted
 from ...core.base.errors import UserError
-from ...core.focus.focus import Focus
 from ...core.focus.place import Place
 from ...scene.base.timeline import clip_frame, go_to
 from ...scene.focus import focus_curve, focus_marks
-from ...scene.focus.kept_places import marks_of
-from ...scene.lens import aperture_cloud, blender_focus, lens
+from ...scene.focus.kept_places import at_distance
+from ...scene.lens import aperture_cloud, blender_focus
 from ...scene.lens.depth_of_field import length_words
 from ..base.operators import Result, has_focus, has_solve, is_met, may_change, reported
 from ..jobs.report_list import next_of
@@ -99,13 +98,12 @@ class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
 
 def held(settings: bpy.types.PropertyGroup, frame: int) -> list[Place]:
     """Return the focus at a frame: the places of the mark that is held there, else the distance."""
-    marks = sorted(marks_of(settings), key=lambda mark: mark.frame)
-    if marks and (len(marks) == 1 or frame > marks[-1].frame):
+    marks = settings.marks.items
+    if len(marks) and (len(marks) == 1 or frame > marks[-1].frame):
         return list(marks[-1].places)
-    if marks and frame < marks[0].frame:
+    if len(marks) and frame < marks[0].frame:
         return list(marks[0].places)
-    distance = settings.focus_distance
-    return [Place(Focus(distance=distance), frame, distance, "a distance")]
+    return [at_distance(settings.focus_distance, frame)]
 
 
 class VIRTUAL_APERTURE_OT_remove_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
@@ -228,6 +226,6 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         line.operator(VIRTUAL_APERTURE_OT_jump_to_unseen.bl_idname, text="", icon="FRAME_NEXT")
     if focus_curve.is_users(settings):
         box = layout.column(align=True)
-        yours = "edited" if lens.has_keys(settings, "focus_distance") else "deleted"
+        yours = "deleted" if focus_marks.are_keys_gone(settings) else "edited"
         box.label(text=f"Focus distance keyframes were {yours}", icon="INFO")
         box.operator(VIRTUAL_APERTURE_OT_write_focus_marks.bl_idname)

@@ -50,9 +50,9 @@ def texture(settings: bpy.types.PropertyGroup, mark: bpy.types.PropertyGroup) ->
 
 def _cut(settings: bpy.types.PropertyGroup, mark: bpy.types.PropertyGroup) -> str:
     """The key of a mark's thumbnail where it was cut out; empty where it will be, or there is nothing to."""
-    if _previews is None or not len(mark.places) or mark.places[0].xy[0] < 0:
-        return ""
     place = mark.places[0]
+    if _previews is None or place.xy is None:
+        return ""
     key = f"{settings.clip_identity} {place.frame} {place.xy[0]:.3f} {place.xy[1]:.3f}"
     if key in _previews:
         return key

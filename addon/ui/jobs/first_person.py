@@ -70,8 +70,7 @@ def focus(scene: bpy.types.Scene) -> None:
 
 def in_focus(settings: bpy.types.PropertyGroup) -> str:
     """Return what is in focus while nobody has picked a focus."""
-    places = settings.marks.items[0].places
-    return str(places[0].source) if len(places) else "a fixed distance"
+    return str(settings.marks.items[0].places[0].source)
 
 
 def words() -> str:

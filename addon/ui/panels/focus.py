@@ -2,10 +2,8 @@
 
 import bpy
 
-from ...core.base.counting import counted
-from ...scene.lens import blender_focus, depth_of_field
+from ...scene.lens import blender_focus, depth_of_field, lens
 from ..focus import focus_list, repair_list, subjects
-from ..picking import pick_vertices
 from .panel import ClosedPanel, split
 
 
@@ -16,15 +14,11 @@ class VIRTUAL_APERTURE_PT_focus(ClosedPanel, bpy.types.Panel):  # noqa: N801
         settings = context.scene.virtual_aperture
         layout = split(self.layout, with_keys=True)
         by_own = blender_focus.focus_object(settings) is not None
-        count = len(settings.focus_points)
-        by_points = count > 0 and settings.focus_by == "POINTS"
+        by_points = bool(lens.focus_of_settings(settings).points)
         marks = layout.column()
         marks.active = not by_own
         if len(settings.marks.items):
             focus_list.draw(marks, context)
-        elif count:
-            # Points that a script sets make no marks.
-            _draw_points(marks, settings, by_points)
         column = layout.column()
         column.active = not by_points and not by_own
         _draw_distance(column, settings)
@@ -41,16 +35,6 @@ def _draw_distance(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup
         layout.prop(settings, "focus_length", text="Distance")
     else:
         layout.prop(settings, "focus_distance", text="Distance")
-
-
-def _draw_points(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, by_points: bool) -> None:
-    layout.row().prop(settings, "focus_by", expand=True)
-    picked = layout.row()
-    text = picked.row()
-    text.active = by_points
-    summary = f"{counted(len(settings.focus_points), 'point')}, picked at frame {settings.focus_frame}"
-    text.label(text=summary, icon="PINNED")
-    picked.operator(pick_vertices.VIRTUAL_APERTURE_OT_clear_focus.bl_idname, text="", icon="X")
 
 
 class VIRTUAL_APERTURE_PT_zone(ClosedPanel, bpy.types.Panel):  # noqa: N801
@@ -91,7 +75,7 @@ class VIRTUAL_APERTURE_PT_tilt(ClosedPanel, bpy.types.Panel):  # noqa: N801
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = split(self.layout, with_keys=True)
-        by_points = len(settings.focus_points) > 0 and settings.focus_by == "POINTS"
+        by_points = bool(lens.focus_of_settings(settings).points)
         column = layout.column(align=True)
         if by_points:
             column.prop(settings, "focus_through_points")

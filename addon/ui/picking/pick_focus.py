@@ -1,6 +1,7 @@
 """The eyedropper of the focus: a click on the camera's picture puts what is there in focus."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import bpy
 
@@ -8,7 +9,6 @@ from ...core.focus.place import Place
 from ...scene.base.timeline import clip_frame
 from ...scene.focus import focus_marks
 from ...scene.focus.clicks import place_at
-from ...scene.focus.kept_places import places_of
 from ...scene.lens import aperture_cloud
 from ..base.operators import Result, reported
 from .pick_place import PicksPlaces
@@ -61,7 +61,9 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
 
     def picked(self) -> list[Place]:
         mark = self._mark()
-        places = list(places_of(mark)) if mark is not None and len(mark.places) else []
+        known = () if mark is None else mark.places
+        # Places of the automatic focus are the user's once picked.
+        places = [replace(each, is_automatic=False) for each in known if each.xy or each.focus.points]
         self._had_places = bool(places)
         return places
 

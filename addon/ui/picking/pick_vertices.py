@@ -1,7 +1,6 @@
 """Operators of the focus: from vertices, and the list of focus marks."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import bmesh
 import bpy
@@ -17,7 +16,7 @@ from ...scene.lens.depth_of_field import length_words
 from ...scene.solve.point_cloud import ID_ATTRIBUTE
 from ...scene.sources import subjects
 from ...scene.sources.shot import reconstruction_of
-from ..base.operators import Result, has_points, is_met, may_change, reported
+from ..base.operators import Result, has_points, reported
 
 
 def focus_on(
@@ -32,9 +31,7 @@ def focus_on(
     after = f"; {released} is no longer the focus object" if released else ""
     if focus_marks.are_keys_users(settings):
         inverse = float(np.mean([1 / place.distance for place in places]))
-        lens.set_focus(settings, replace(lens.focus_of(settings), points=(), distance=1 / inverse), frame)
-        # The points alone would hide it.
-        lens.key_distance(settings)
+        lens.key_distance(settings, 1 / inverse)
         keyed = f"he focus distance is keyed at frame {clip_frame(settings.id_data)}"
         said = f"{marked}; t{keyed}" if marked else f"T{keyed}"
     else:
@@ -87,28 +84,6 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
         bpy.ops.object.mode_set(mode="OBJECT")
         place = Place(focus, frame, distance, "selected vertices")
         self.report({"INFO"}, focus_on(settings, frame, [place]))
-        return {"FINISHED"}
-
-
-class VIRTUAL_APERTURE_OT_clear_focus(bpy.types.Operator):  # noqa: N801
-    """Forget the picked points. Focus stays where it is, at the focus distance"""
-
-    bl_idname = "virtual_aperture.clear_focus"
-    bl_label = "Clear Focus"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.virtual_aperture
-        is_picked = len(settings.focus_points) or len(settings.marks.items)
-        return may_change(cls, context) and is_met(cls, is_picked, "Nothing has been picked")
-
-    def execute(self, context: bpy.types.Context) -> Result:
-        settings = context.scene.virtual_aperture
-        focus_marks.clear(settings)
-        lens.clear_points(settings)
-        aperture_cloud.update(settings)
-        self.report({"INFO"}, "Pick cleared; focus stays at its distance")
         return {"FINISHED"}
 
 

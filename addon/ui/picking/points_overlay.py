@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.base.arrays import Floats
+from ...scene.lens.lens import focus_of_settings
 from ...scene.solve import point_cloud
 from ...scene.solve.point_cloud import ID_ATTRIBUTE
 from ...scene.sources.shot import IDENTITY
@@ -108,7 +109,7 @@ def _made(settings: Any) -> tuple[Any, Any]:
     """The batches, made anew where the mesh or what is picked in it has changed."""
     global _batches
     mesh = settings.points.data
-    chosen = tuple(p.point for p in settings.focus_points) if settings.focus_by == "POINTS" else ()
+    chosen = focus_of_settings(settings).points
     key = (mesh.session_uid, str(mesh.get(IDENTITY)), len(mesh.vertices), chosen)
     if _batches is None or _batches[0] != key:
         places, colours = places_and_colours(mesh)
