@@ -125,6 +125,18 @@ def test_the_list_is_edited(scene: bpy.types.Scene, shot: Shot, capsys: pytest.C
     assert not frames(scene) and settings.focus_distance == 4.0
 
 
+def test_keys_of_a_typed_distance_are_the_users_own(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    for frame, distance in ((1, 4.0), (8, 6.0)):
+        scene.frame_set(frame)
+        settings.focus_distance = distance
+        assert settings.keyframe_insert("focus_distance")
+    assert len(settings.marks.items) == 1
+    shown = draw(panels.focus.VIRTUAL_APERTURE_PT_focus)
+    assert not any("keyframes were" in text for text in shown.texts)
+    assert "virtual_aperture.write_focus_marks" not in shown.operators
+
+
 def test_keys_are_given_back_to_the_marks(scene: bpy.types.Scene, shot: Shot) -> None:
     settings = scene.virtual_aperture
     focus_marks.replace_all(settings, [at(2, 4.0), at(7, 9.0)])

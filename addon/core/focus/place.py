@@ -56,6 +56,11 @@ class Place:
     is_automatic: bool = False
     """True if nobody picked the place."""
 
+    @property
+    def is_bare(self) -> bool:
+        """Whether it is a distance alone, without points or a position in the picture."""
+        return self.xy is None and not self.focus.points
+
 
 @dataclass(frozen=True)
 class Glance:

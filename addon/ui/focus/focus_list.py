@@ -224,7 +224,9 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         line = layout.row(align=True)
         line.label(text=f"Hidden in {counted(len(hidden), 'frame')}", icon="HIDE_ON")
         line.operator(VIRTUAL_APERTURE_OT_jump_to_unseen.bl_idname, text="", icon="FRAME_NEXT")
-    if focus_curve.is_users(settings):
+    # Keys of a typed distance are the user's own, as no mark wrote any.
+    is_picked = any(not place.is_bare for mark in group.items for place in mark.places)
+    if focus_curve.is_users(settings) and (group.written or is_picked):
         box = layout.column(align=True)
         yours = "deleted" if focus_marks.are_keys_gone(settings) else "edited"
         box.label(text=f"Focus distance keyframes were {yours}", icon="INFO")

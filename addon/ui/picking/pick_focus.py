@@ -63,7 +63,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
         mark = self._mark()
         known = () if mark is None else mark.places
         # Places of the automatic focus are the user's once picked.
-        places = [replace(each, is_automatic=False) for each in known if each.xy or each.focus.points]
+        places = [replace(each, is_automatic=False) for each in known if not each.is_bare]
         self._had_places = bool(places)
         return places
 
