@@ -58,7 +58,9 @@ def remembered[S, **P, V](
 
         @wraps(method)
         def get(thing: S, /, *args: P.args, **named: P.kwargs) -> V:
-            kept: LRUCache[V] = vars(thing).setdefault(name, LRUCache[V](limit, size))
+            kept: LRUCache[V] | None = vars(thing).get(name)
+            if kept is None:
+                kept = vars(thing).setdefault(name, LRUCache[V](limit, size))
             return kept.get((args, *named.items()), lambda: method(thing, *args, **named))
 
         return get
