@@ -388,7 +388,7 @@ def _around(stats: Ints, reach: int) -> tuple[slice, slice]:
 
 
 def _nearest_of(label: Ints, highlights: Mask, displacement: Map, shift: Floats) -> Ints:
-    """(H, W) labels of the highlight that a pixel, or one within `RIM` beside it, belongs to; else 0."""
+    """(H, W) labels of highlights, grown by `RIM` pixels at the same displacement (H, W); 0 elsewhere."""
     distance, nearest = cv2.distanceTransformWithLabels(
         (~highlights).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )

@@ -34,7 +34,7 @@ _WHOLE = ("matroska", "mov")
 _HIDES = ("vp8", "vp9")
 """Codecs some of whose packets are never shown, only referred to."""
 NEAR = 0.6
-"""Share of the median frame interval from a shown frame to its broken packet; a field lies at a half."""
+"""Largest distance of a broken packet from its frame, in median frame intervals; a field is at 0.5."""
 SHORT = 0.1
 """Seconds by which a container may promise more than it holds: some count a packet of sound more, ASF its
 preroll, and FLV's writers round."""

@@ -36,7 +36,7 @@ AGREES = (0.35, 0.65)
 """Intersection over union of the networks' silhouette with the subject, up to which they do not recognise it,
 and from which on they do."""
 CARRIED = (1.2, 0.4)
-"""Weight of the place that flow gives a subject: one that networks do not recognise, and one they do."""
+"""Weight of the mask that flow predicts, of a subject that networks do not recognise, and of one they do."""
 COLOUR = (3.0, 2.0)
 """Log-odds that colours add at most: the same."""
 LEAP, FARTHER = 0.06, 1.5
@@ -55,7 +55,7 @@ would be carried as if it were the whole."""
 WHOLE = 0.8
 """Share of this area from which a subject counts as whole."""
 LIKE = 0.5
-"""Mean log-odds of the colours of a visible part of a hidden subject; colours of neither have 0."""
+"""Least mean log-odds of the colours in the visible part of an occluded subject; 0 is undecided."""
 CLICK = 0.1
 """Extent of a stroke, over the long side, below which it shows nothing of the subject's size."""
 BOXES = (0.4, 0.2, 1.0)

@@ -23,7 +23,7 @@ OUTSIDE = -4.0
 CROP = 1.35
 """Side of the networks' crop, relative to the subject's."""
 MISSED = 0.02
-"""Least share of a subject that is given to the networks again, in a crop around it."""
+"""Least size of a missed part, as a share of the subject, to run the networks again in a crop around it."""
 BODY_OVERLAP = 0.5
 """Intersection over union from which on a person that is detected is the subject."""
 PRESENCE = 0.5

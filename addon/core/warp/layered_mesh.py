@@ -206,6 +206,7 @@ def _texture(
     pictures: list[LinearRGBA], fronts: list[LinearRGBA], drawn: list[Mask], memory: ReusedMemory
 ) -> LinearRGBA:
     """Texture (n h, w, 4) of n - 1 fronts, as differences to the next picture, and the last picture."""
+    # A front that is interpolated alone rings along silhouettes.
     height, width = (FINER * n for n in pictures[0].shape[:2])
     texture = memory.zeros((len(pictures), height, width, 4))
     wanted, spans = np.zeros_like(drawn[0]), []
