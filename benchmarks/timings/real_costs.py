@@ -19,11 +19,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import av
+import cv2
+import numpy as np
 
 from addon.core.media.clip import open_footage
 
 from .. import store
+from ..coded import encode
 from .whole_runs import HEADLESS, Run, a_frame, timed_process
 
 CLIPS = (
@@ -102,41 +104,36 @@ def opened(name: str, folder: Path, program: Path) -> RealClip | None:
 
 def scaled(file: Path, out: Path, width: int) -> Path:
     """The first frames of a clip, scaled to a width by cubic interpolation."""
-    with av.open(str(file)) as source, av.open(str(out), "w") as target:
-        (stream,) = source.streams.video
-        made = target.add_stream("libx264", stream.average_rate, {"crf": "16", "preset": "veryfast"})
-        made.width, made.height = width, 2 * round(stream.height * width / stream.width / 2)
-        made.pix_fmt = "yuv420p"
-        for number, frame in enumerate(source.decode(stream)):
-            if number == SCALED_FRAMES:
-                break
-            large = frame.reformat(made.width, made.height, "yuv420p", interpolation="BICUBIC")
-            large.pts = None
-            target.mux(made.encode(large))
-        target.mux(made.encode(None))
-    return out
+    clip = open_footage(file)
+    size = width, 2 * round(clip.height * width / clip.width / 2)
+    frames = (clip.read(frame)[..., :3] for frame in clip.frames[:SCALED_FRAMES])
+    large = (cv2.resize(frame, size, interpolation=cv2.INTER_CUBIC) for frame in frames)
+    return encode((np.asarray(frame, np.uint8) for frame in large), out, crf=16)
 
 
 def rows(clip: RealClip, profiles: Path | None) -> Iterator[str]:
     """Rows of a clip; profiles by stage after them if there is a folder."""
 
-    def kept(stage: str) -> Path | None:
-        return profiles and profiles / f"{clip.file.stem}-{clip.size[0]}-{stage}"
-
-    yield _row(clip, "solve", clip.frames, solved := clip.solve(), solved.cpu_s / clip.frames)
+    solved = clip.solve()
+    yield _row(clip, "solve", clip.frames, solved, solved.cpu_s / clip.frames)
     for run, focus in (("depth to find", (0.5, 0.5)), ("depth kept, another focus", (0.4, 0.6))):
         first = clip.render(1, focus)
         yield _row(clip, f"{run}, first frame", 1, first, first.cpu_s)
         if run == "depth to find":
             clip.forget()
-        runs = (first, clip.render(1 + MORE, focus))
-        yield _row(clip, f"{run}, each next", MORE, runs[1], a_frame(runs, MORE)[1])
+        more = clip.render(1 + MORE, focus)
+        yield _row(clip, f"{run}, each next", MORE, more, a_frame((first, more), MORE)[1])
     if profiles is not None:
-        clip.solve(kept("solve"))
-        for stage, count in (("first", 1), ("next", 1 + MORE), ("kept", 1 + MORE)):
-            clip.render(count, (0.5, 0.5), kept(stage))
-        for stage in ("solve", "first", "next", "kept"):
-            yield from stages(f"{clip.name}, {stage}", profiles / f"{clip.file.stem}-{clip.size[0]}-{stage}")
+        yield from profiled(clip, profiles / f"{clip.file.stem}-{clip.size[0]}")
+
+
+def profiled(clip: RealClip, folder: Path) -> Iterator[str]:
+    """Run a clip once more under the profiler; a line by stage, whose profiles are kept in a folder."""
+    clip.solve(folder / "solve")
+    for stage, count in (("first", 1), ("next", 1 + MORE), ("kept", 1 + MORE)):
+        clip.render(count, (0.5, 0.5), folder / stage)
+    for stage in ("solve", "first", "next", "kept"):
+        yield from stages(f"{clip.name}, {stage}", folder / stage)
 
 
 def _row(clip: RealClip, run: str, frames: int, cost: Run, each: float) -> str:
