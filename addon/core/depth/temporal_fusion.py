@@ -15,7 +15,6 @@ from ..base.progress import checkpoint, part
 from ..base.store import NOT_KEPT, Entry, Store
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
-from .light_spots import with_lights
 from .map_fusion import (
     BEYOND,
     KEPT_FRAMES,
@@ -106,7 +105,6 @@ class TemporalFusion:
         found = self._with_subjects(image.frame, inverse, confidence, picture)
         # Subjects may have changed the range.
         inverse = without_speckles(found.inverse_depth, level_of(found.inverse_depth))
-        inverse = with_lights(picture, inverse, found.moving)
         past = past_border(stack, inverse, level)
         return replace(found, inverse_depth=inverse, past_border=past)
 
