@@ -27,8 +27,6 @@ from addon.core.frame.warped_frame import frame_geometry, sampled_disc
 from addon.core.media.light import encode_srgb
 from addon.core.sfm.workspace import load_solve
 from addon.render.views.average import render_frame
-from sample_scenes import filming
-from sample_scenes.stage import Stage
 
 from .. import store
 from ..cost import measured
@@ -38,7 +36,7 @@ from ..gallery.commands import HEADLESS
 from ..gallery.stages import Program, Steps
 from . import metrics
 from .cases import GroundTruth
-from .scenes import Staged
+from .scenes import Resized, Staged
 
 SHOWN = ("dog", "duck", "still_trees_1", "still_roof_hlg10_rot_1", "people_two_portrait_1")
 """Clips of 720 lines or more, with and without subjects."""
@@ -51,17 +49,6 @@ SIDES = (640, 960, 1280)
 """Pixels of the long side."""
 
 
-class _Large(Staged):
-    """A scene of the bench in 1920x1080."""
-
-    @cached_property
-    def stage(self) -> Stage:
-        small = filming.load(self.name)
-        camera, times = small.cameras, LARGE[0] / small.cameras.width
-        large = replace(camera, width=LARGE[0], height=LARGE[1], focal=camera.focal * times)
-        return replace(small, cameras=large)
-
-
 @dataclass(frozen=True)
 class _MiddleOfScene:
     """The middle frame of a scene with its true depth."""
@@ -71,7 +58,7 @@ class _MiddleOfScene:
 
     @cached_property
     def scene(self) -> Staged:
-        return _Large(self.name, NOISE)
+        return Resized(self.name, NOISE, LARGE[0])
 
     def drawn(self, blur: float, longest: int) -> LinearRGBA:
         case = GroundTruth(self.scene).case(self.scene.judged(0)[0], round(blur * self.size[0]))

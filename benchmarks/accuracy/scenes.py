@@ -12,11 +12,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.base.lru_cache import remembered
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.map_fusion import BEYOND, FusionOptions, level_of, past_border
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.reprojection import in_place
 from addon.core.media.light import decode_srgb, encode_srgb
+from addon.core.warp.disocclusion_fill import LONGEST_SIDE
 from addon.render.views.quiet import quiet
 from sample_scenes import filming, staging, truth
 from sample_scenes.stage import Stage
@@ -159,8 +161,12 @@ class Staged:
         path = self._clip_folder / f"frame_{frame:04d}.png"
         if not path.exists():
             with quiet(1):
-                filming.film_frame(self.scene, frame, self._clip_folder, FILM_SAMPLES)
+                filming.film_frame(self.scene, frame, self._clip_folder, self._samples(frame))
         return path
+
+    def _samples(self, frame: int) -> int:
+        """Return the samples a pixel of a frame of the clip."""
+        return FILM_SAMPLES
 
     @property
     def _clip_folder(self) -> Path:
@@ -269,6 +275,36 @@ class Staged:
         code = store.digest(store.sources("benchmarks/accuracy/scenes.py", "benchmarks/accuracy/oracle.py"))
         stored = store.kept(f"{self.folder}/layers-{code}", f"{frame:04d}-{number}-{margin}", make)
         return oracle.Layer(stored[..., :4], np.ascontiguousarray(stored[..., 4]))
+
+
+class Resized(Staged):
+    """A scene in pictures of another width."""
+
+    def __init__(self, name: str, noise: float, width: int) -> None:
+        super().__init__(name, noise)
+        self.width = width
+
+    @cached_property
+    def stage(self) -> Stage:
+        made = filming.load(self.name)
+        cameras = made.cameras
+        height = self.width * cameras.height // cameras.width
+        return replace(made, cameras=cameras.resized(self.width, height))
+
+    @remembered(4)
+    def geometry(self, frame: int) -> truth.Geometry:
+        """Depth is given: reading it is no method's cost."""
+        return super().geometry(frame)
+
+    @remembered(1)
+    def past_border(self, frame: int) -> NDArray[np.float32]:
+        return super().past_border(frame)
+
+    def _samples(self, frame: int) -> int:
+        """Fewer in frames that only lend colours: the product shrinks those, which averages their samples."""
+        if frame in self.judged(0):
+            return FILM_SAMPLES
+        return max(1, round(FILM_SAMPLES * min(1, LONGEST_SIDE / self.width) ** 2))
 
 
 class Short(Staged):
