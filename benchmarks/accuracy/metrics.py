@@ -51,11 +51,21 @@ def unbiased_psnr(picture: Picture, seeds: tuple[Picture, Picture], where: Mask 
     The mean product of the picture's differences from both has their noise in it only by chance, while a mean
     square would have it added. Infinite where nothing but noise is left, NaN where the mask has no pixel.
     """
+    return psnr_of(unbiased_error(picture, seeds), where)
+
+
+def unbiased_error(picture: Picture, seeds: tuple[Picture, Picture]) -> Floats:
+    """(H, W, 3) squared error of each value for `psnr_of`, without the noise of two renders of the truth."""
     one, other = (_encoded(picture, seed) - _encoded(seed, seed) for seed in seeds)
-    product = one * other if where is None else (one * other)[where]
-    if product.size == 0:
+    return one * other
+
+
+def psnr_of(squared: Floats, where: Mask | None = None) -> float:
+    """PSNR in dB of squared errors (H, W, 3), of the pixels of `where`, (H, W) bool."""
+    squared = squared if where is None else squared[where]
+    if squared.size == 0:
         return float("nan")
-    error = float(product.mean())
+    error = float(squared.mean())
     return float("inf") if error <= 0 else float(-10 * np.log10(error))
 
 

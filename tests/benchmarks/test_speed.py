@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
+from benchmarks.accuracy import envelope
 from benchmarks.accuracy.envelope import Curve
 from benchmarks.accuracy.rows import Row
+from benchmarks.accuracy.scenes import Resized
 from benchmarks.timings import frame_costs, growth, speed, whole_runs
 
 from ..scenes import slanted_plane
@@ -22,10 +24,39 @@ def row(method: str, views: int, cost: float, error: float) -> Row:
 def test_an_envelope_tells_where_others_are_above() -> None:
     ours = [row("layers", 8, 1.0, 36.0), row("layers", 4, 1.5, 35.0), row("draft", 0, 0.2, 34.0)]
     below = [row("scatter", 0, 0.3, 33.9), row("thesis", 64, 2.0, 36.0)]
-    assert "every cost" in Curve("", (*ours, *below)).envelope
-    said = Curve("", (*ours, row("scatter", 0, 0.3, 34.5), row("thesis", 4, 0.1, 20.0))).envelope
-    assert "scatter: 0.50 dB above ours at 0.30 s" in said
-    assert "thesis 4: 20.00 dB for 0.10 s, less than any of ours takes" in said
+
+    def said(*rows: Row) -> str:
+        return Curve("bars", "T1", (640, 360), rows).envelope
+
+    assert "every cost" in said(*ours, *below)
+    above = said(*ours, row("scatter", 0, 0.3, 34.5), row("thesis", 4, 0.1, 20.0))
+    assert "scatter: 0.50 dB above ours at 0.30 s" in above
+    assert "thesis 4: 20.00 dB for 0.10 s, less than any of ours takes" in above
+
+
+def test_a_curve_replaces_its_own_panel_alone(tmp_path: Path) -> None:
+    for track, width, error in (("T1", 1920, 30.0), ("T1", 640, 31.0), ("T2", 640, 32.0), ("T1", 640, 33.0)):
+        rows = row("layers", 8, 1.0, error), row("scatter", 0, 0.5, 20.0)
+        envelope.put(tmp_path, Curve("bars", track, (width, width * 9 // 16), rows))
+    text = (tmp_path / "envelope.md").read_text()
+    assert [line.split(",")[1] for line in text.splitlines() if line.startswith("## ")] == [
+        " 640x360", " 640x360", " 1920x1080"
+    ]  # fmt: skip
+    assert "33.00" in text and "31.00" not in text and (tmp_path / "envelope.png").exists()
+
+
+def test_large_pictures_are_judged_with_few_views() -> None:
+    assert envelope.judged_views((4, 32, 64), 1920) == (4, 32, 64)
+    assert envelope.judged_views((4, 32, 64), 3840) == (4, 32)
+
+
+def test_a_resized_scene_has_the_same_view_and_blur_in_shares_of_the_width() -> None:
+    small, large = Resized("walk", 0.1, 640), Resized("walk", 0.1, 3840)
+    one, other = small.stage.cameras, large.stage.cameras
+    assert (other.width, other.height) == (3840, 2160)
+    assert other.focal / other.width == pytest.approx(one.focal / one.width)
+    assert [small._samples(frame) for frame in (1, 18)] == [16, 16]
+    assert [large._samples(frame) for frame in (1, 18)] == [4, 16]
 
 
 def test_a_part_is_put_in_its_place_and_others_stay(tmp_path: Path) -> None:
