@@ -20,7 +20,6 @@ type Path = str | PathLike[str]
 type Value = str | float | bool | PathLike[str] | Iterable[str | float | Iterable[str | float]] | None
 
 __all__ = ["UserError", "depth", "export", "pick", "render", "solve"]
-
 REPEATED = {"focus_at", "focus_subject", "subject"}
 """Options that a command takes several times; each item of a list is one of them."""
 

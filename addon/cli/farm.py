@@ -62,7 +62,6 @@ def add_commands(commands: Commands, common: argparse.ArgumentParser) -> None:
     one.add_argument("--movie", default="movie.mp4", metavar="NAME", help="name of the movie (movie.mp4)")
     add_lens(one, required=True)
     one.set_defaults(command=farm, words=SOLVED_WORDS)
-
     two = commands.add_parser("join", parents=[common], help="join rendered frames into a movie with sound")
     two.description = (
         "Give the same focus and other settings as for render: frames made with others are refused."

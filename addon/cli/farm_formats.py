@@ -18,10 +18,8 @@ FLAMENCO_JOB, FLAMENCO_TYPE = "job.json", "virtual_aperture.js"
 """Body of Flamenco's `POST /api/v3/jobs`, and the script of its job type for the manager's `scripts`."""
 DEADLINE = "submit.txt"
 """Arguments of `deadlinecommand`, one a line."""
-
 TASK_FRAMES = "{{Task.Param.Frames}}"
 """The word of a step's command that is a task's range of frames."""
-
 JOB_TYPE = """\
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Flamenco's job type virtual-aperture. Put this file into the folder `scripts` beside flamenco-manager.

@@ -58,7 +58,6 @@ def parser() -> argparse.ArgumentParser:
     # Arguments that only a job's file has.
     common.set_defaults(child=False, scene="", scripts=False, as_is=False)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
-
     solve.add_commands(commands, common)
     pick.add_command(commands, common)
     depth.add_command(commands, common)
@@ -73,7 +72,6 @@ def parser() -> argparse.ArgumentParser:
     )
     _add_output(two)
     two.set_defaults(command=render)
-
     three = commands.add_parser("run", parents=[common], help="solve and render")
     solve.add_footage(three)
     three.add_argument("--work", type=path, metavar="DIR", help="default: CLIP.aperture next to the output")
@@ -82,7 +80,6 @@ def parser() -> argparse.ArgumentParser:
     add_lens(three, required=True)
     _add_output(three)
     three.set_defaults(command=run, words=SOLVED_WORDS, for_movie=False)
-
     save.add_command(commands, common)
     export.add_command(commands, common)
     farm.add_commands(commands, common)

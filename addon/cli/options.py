@@ -17,7 +17,6 @@ SWITCH = {"on": True, "off": False}
 
 type Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 """Type of the result of `add_subparsers`."""
-
 SMALLEST = 1e-15
 """No number but 0 is smaller: Blender keeps 32-bit floats, and smaller ones become 0 there."""
 

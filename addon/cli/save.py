@@ -25,7 +25,6 @@ from .options import Commands, UsageError, path
 
 MASKS, DEPTH, APERTURE = "masks", "depth", "aperture"
 """Folders beside the .blend, or within a farm's bundle, for copies of the user's pictures."""
-
 MOST_NAMED = 5
 """Files and folders beside a .blend that are named; of more, the first and the last. Chosen for one line."""
 

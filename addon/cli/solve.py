@@ -41,12 +41,10 @@ def add_commands(commands: Commands, common: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     one.add_argument("--depth", action="store_true", help="also find and keep the depth of all frames")
     one.set_defaults(command=solve)
-
     two = commands.add_parser("report", parents=[common], help="how good a solve is, and advice")
     two.add_argument("work", type=path, metavar="DIR", help="folder of the solve")
     two.add_argument("--json", action="store_true", help="machine-readable")
     two.set_defaults(command=report)
-
     three = commands.add_parser("import", parents=[common], help="import a solve from another program")
     model = three.add_mutually_exclusive_group(required=True)
     model.add_argument("--blend", type=path, metavar="FILE", help="a .blend as MODEL")

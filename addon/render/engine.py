@@ -44,7 +44,6 @@ CHANNEL = {passes.DEPTH: "Z", passes.CIRCLE_OF_CONFUSION: "X", passes.IN_FOCUS: 
 """Name of a pass's channel in files."""
 REDRAW = 0.1
 """Seconds between two texts about a render's progress: more of them would only cost redraws."""
-
 _renders = ContextVar("renders", default=False)
 """True on the thread that Blender renders on, as others that work side by side must not call Blender."""
 

@@ -4,12 +4,7 @@ from collections.abc import Callable
 
 import bpy
 import numpy as np
-from bpy.props import (
-    BoolProperty,
-    EnumProperty,
-    FloatProperty,
-    PointerProperty,
-)
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from .focus import focus_marks
 from .focus.focus_marks import VirtualApertureFocusMarks

@@ -26,7 +26,6 @@ from .picking import paint_repair, pick_focus, pick_subject, pick_vertices, poin
 
 LEFT = 2.0
 """Seconds for our processes to end when the extension is disabled; then they are killed."""
-
 CLASSES = (
     engine.VirtualApertureEngine,
     *classes_of(

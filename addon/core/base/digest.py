@@ -25,7 +25,6 @@ SETTLED = 3.0
 """Seconds since a change after which another change has another time. FAT counts in steps of 2 s."""
 MOST_KEPT = 1000
 """Digests kept on disk, 130 bytes each; the oldest are dropped first."""
-
 _known: dict[str, str] = {}
 """Digests by `Files._key`, for this process."""
 

@@ -16,20 +16,16 @@ from .time_left import LEAST_SHARE, TimeLeft
 
 REMEMBERED = 20
 """Last lines of standard error that are kept, to explain the end of a process."""
-
 ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
 """Environment of our processes; the user's variables take precedence. Threads of OpenBLAS and Accelerate wait
 for each other on small matrices. A solve of 87 frames at 368x480 on two idle cores takes 24.3 and 23.8
 instead of 31.9 and 29.6 CPU s (two runs each), and 22.9 and 22.5 instead of 24.2 and 22.6 s of wall time."""
-
 YIELDING = 10
 """Niceness in [0, 19] of a process that lets the interface stay responsive. Chosen by inspection."""
-
 LOOK = 0.01
 """Seconds between two looks at a process that is waited for."""
 READ = 1 << 16
 """Bytes that are read at once: as many as a pipe of Linux holds."""
-
 LEAST_STEPS = 3
 """Equal steps that an estimate of the time left needs, where that is less than `LEAST_SHARE`."""
 

@@ -99,8 +99,6 @@ def decode(line: str) -> Message | None:
 
 _parent: TextIO | None = None
 """Stream for messages; None in a process without a parent of ours."""
-
-
 PATIENCE = 10.0
 """Seconds after which a process that was asked to end is killed."""
 
@@ -124,7 +122,6 @@ def speak(when_alone: Callable[[], object] = end_itself) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)
-
     # Only such a process has a thread.
     import threading
 

@@ -20,7 +20,6 @@ from .side_by_side import Lock
 PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 HEADER = 4096
 """Most bytes of an array's header."""
-
 _HEADER = re.compile(
     rb"\x93NUMPY\x01\x00(?s:..)\{'descr': '(?P<dtype>[<>|](b1|[iu][1248]|f[248]))',"
     rb" 'fortran_order': (?P<fortran>True|False),"

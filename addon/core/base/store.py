@@ -52,7 +52,6 @@ PAUSE, PATIENCE = 0.03, 60.0
 instead: that one may be stopped. Chosen by inspection."""
 LONG_PATIENCE = 300.0
 """The same for a result of the whole clip, which takes minutes."""
-
 Arrays = dict[str, NDArray[Any]]
 
 

@@ -13,7 +13,6 @@ from .errors import UserError
 
 GONE = {errno.EPIPE, errno.EIO, errno.EBADF}
 """Error numbers of a pipe without a reader, a terminal that hung up, and a missing stream."""
-
 _lost = ""
 """The first error in writing other than `GONE`, or empty."""
 

@@ -7,11 +7,9 @@ from ..base.errors import UserError
 
 DIAGONAL_35 = math.hypot(36.0, 24.0)
 """Millimetres across the film that 35 mm equivalents speak of."""
-
 PLAUSIBLE = (5.0, 4000.0)
 """Millimetres: 35 mm equivalents that a lens can have, 153 degrees to 0.6 across the diagonal. The longest
 zooms of cameras have 3000; a clip of three walls is solved at 3900, at 8100 OpenCV's pose solver fails."""
-
 Focal = float | Callable[[int, int], float]
 """A focal length in pixels, or a function of a clip's width and height."""
 

@@ -17,7 +17,6 @@ LARGEST_ERROR = 1e-7
 """Pixels, beyond which the map itself is evaluated: a 600th of the last digit of a float32 of 1,000."""
 KEPT_SIDES = 32
 """Lengths of sides whose weights are remembered, 0.4 MB each."""
-
 Place = Callable[[Floats], Floats]
 """Pixels (..., 2) of one picture -> pixels (..., 2) of another."""
 

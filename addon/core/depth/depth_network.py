@@ -30,7 +30,6 @@ SIZES = ((518, 14), (384, 32))
 Anything's, then MiDaS's, as their authors run them."""
 LARGEST = 4096
 """Pixels of a side that a network may ask for. Chosen by inspection: such a picture takes 200 MB."""
-
 _PATH = (7, 11, 2, 1, 2)
 """Numbers of the fields of ONNX's protobuf from the model to its first input's shape: the graph, its inputs,
 an input's type, as a tensor, its shape."""

@@ -122,10 +122,7 @@ def ground_below(mask: Mask, inverse: Map, known: Mask, pinhole: Intrinsics) -> 
     """
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     side, bottom = max(np.ptp(rows), np.ptp(columns)) + 1, rows[-1]
-    top, end = (
-        max(bottom - int(ABOVE * side), 0),
-        bottom + int(BELOW * side) + GAP + 2,
-    )
+    top, end = max(bottom - int(ABOVE * side), 0), bottom + int(BELOW * side) + GAP + 2
     left = max(columns[0] - int(BESIDE * side), 0)
     part = np.s_[top:end, left : columns[-1] + int(BESIDE * side)]
     row, column = np.nonzero(known[part])

@@ -42,7 +42,6 @@ REACH = 4.0
 TIGHTEST = 0.005
 """Share of the clip's median inverse depth by which a frame's scale and shift may always differ from the
 clip's. Chosen by inspection."""
-
 INDEPENDENT = 50
 """Features at most whose errors have nothing in common: a bent map is wrong alike for neighbours. Chosen by
 inspection."""
@@ -154,13 +153,7 @@ def steadied(lines: Sequence[FrameLine], frame: int, clip: ClipFit) -> Floats:
     return np.asarray(found[next(at for at, one in enumerate(lines) if one.frame == frame)])
 
 
-def fit_depth(
-    depth: DepthMap,
-    xy: Floats,
-    inverse_depth: Floats,
-    clip: ClipFit,
-    line: Floats,
-) -> Floats:
+def fit_depth(depth: DepthMap, xy: Floats, inverse_depth: Floats, clip: ClipFit, line: Floats) -> Floats:
     """Bring a map to the units of the reconstruction, and to the clip's size.
 
     `xy` (n, 2) are features in pixels of the clip's picture, with inverse depths (n,); `line` (2,) is the

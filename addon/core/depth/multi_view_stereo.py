@@ -50,8 +50,6 @@ MANY_POINTS = 100
 """Points in the frame from which its range does not need those of other frames."""
 BLIND_PARALLAX = 0.3
 """Share of the width by which the nearest thing moves in the farthest frame, without points."""
-
-
 LONG_SIDE = 960
 """Pixels of the longer side that is worked at. Past it, time and memory grow and a blur gains little."""
 LEVELS = 16, 64

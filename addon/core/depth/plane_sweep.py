@@ -19,8 +19,6 @@ from .semiglobal import STEPS, Costs
 
 UNSEEN = 65535
 """Cost of a level at which no neighbour sees the place, until all were looked at."""
-
-
 TRUNCATION = 8
 """Grey levels: differences are cut there, as a larger one is another surface."""
 LEAST_DEPTH_RATIO = 0.05

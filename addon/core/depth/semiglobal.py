@@ -16,7 +16,6 @@ from ..base.side_by_side import side_by_side
 
 Costs = NDArray[np.uint16]
 """(h, k, w) costs of the k levels of each pixel, in steps of 1 / `STEPS` grey levels."""
-
 STEPS = 512
 """Steps of a grey level: sums of four paths stay below 2^16 where costs and `p2` together stay below 32 grey
 levels. NumPy does 16-bit integers in half of the time of 32-bit floats."""

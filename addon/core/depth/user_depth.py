@@ -25,7 +25,6 @@ from .view_selection import source_frames
 
 AROUND = 4
 """Frames on either side by which a frame's scale and shift are steadied. Chosen by inspection."""
-
 KEPT_MAPS = 16
 """Frames whose small maps are remembered, 2 MB each: those for the background of one frame, and some more."""
 LEAST_AROUND = 3

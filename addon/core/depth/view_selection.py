@@ -14,8 +14,6 @@ their largest distance; and their least number in a short clip. With every fourt
 32.32 dB; the least number gains 0.9 dB in the shop at 5 m."""
 SPREAD = 16
 """Photos from which one takes the colours that it does not show, at most. Chosen by inspection."""
-
-
 LEAST_DEPTH_RATIO = 0.1
 """Least share of its depth that a place keeps on the way to a frame that sees it. Chosen by inspection."""
 FRAME_PENALTY = 0.005

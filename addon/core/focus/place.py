@@ -22,7 +22,6 @@ NEAR = 0.06
 """Share of the picture's width within which the farthest of a place's four points lies. On the sample clip
 with holes cut into its points, nine of ten picks are within a tenth of the range of inverse depths from the
 dense depth; at 0.1 one of four is not, at 0.2 every second one."""
-
 SAME = 0.05
 """Share of a frame's range of inverse depths by which the mean of the points around a pixel may differ from
 the pixel: about a twentieth of the largest blur. Chosen by inspection."""

@@ -14,11 +14,9 @@ SHARP, BLURRED = 0.5, 1.5
 """Blur discs in pixels of the small picture up to which the large one's detail is kept, and from which it is
 lost. A disc of one leaves 0.46 of the middle of the lost frequencies, half as fine again as the small
 picture's finest, by the disc's transform 2 J1(x) / x."""
-
 VIEWS = 8
 """Views of a share from 0 to 1, of sharpness or of lost noise: steps of an eighth are invisible. A picture of
 82 views differs by 77.7 dB, one of 16 by 95.0 dB."""
-
 NEARER = 0.01
 """Difference in colour, of three channels as square roots of light, for a pixel of distance: of equal colours
 the nearest pixel is taken. Chosen by inspection."""

@@ -37,7 +37,6 @@ views. From `python -m benchmarks.timings.frame_costs`, with 24 views on 2 cores
 MOST_SOFTER = 0.05
 """Share of a frame that the clip's own lens blurs more than the wished one, from which a note is given.
 Chosen by inspection."""
-
 DrawViews = Callable[[WarpedFrame], LinearRGBA]
 """Draws the views of a frame and returns their weighted mean (h, w, 4) in its canvas."""
 

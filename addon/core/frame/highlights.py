@@ -43,7 +43,6 @@ ALIKE = 1.1
 """Largest log ratio of areas of one light source in two frames: a factor of 3. Chosen by inspection."""
 UNLIKE = 4.0
 """Pixels from the line that count as much as a ratio of areas of e. Chosen by inspection."""
-
 MOST_GAIN = 1000.0
 """Largest gain of restored light, a hundred times the need. Chosen by inspection."""
 

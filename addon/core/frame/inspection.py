@@ -20,7 +20,6 @@ from ..warp.rasterise import at_pixels
 from .warped_frame import WarpedFrame
 
 Shown = NDArray[np.uint8]
-
 NAMES = ("depth", "sources", "blur", "focus")
 """All pictures, in display order."""
 SOURCES = ("inpainted", "borrowed", "own")

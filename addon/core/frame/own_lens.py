@@ -129,7 +129,6 @@ def own_lens(
     """
     if not reconstruction.is_ordered:
         return None
-
     found = store.once(numbers("clip-lens", 0, 5), lambda: _estimated(reconstruction, read))
     if not len(found):
         return None

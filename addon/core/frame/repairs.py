@@ -157,7 +157,6 @@ class CarriedPlaces:
         frames, flow = self.pictures.frames, self.pictures.flow
         at, to = frames.index(start), frames.index(frame)
         way = 1 if to > at else -1
-
         last, places = to, self._kept.known((at, to))
         while places is None and last != at:
             last -= way

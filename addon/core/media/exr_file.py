@@ -16,7 +16,6 @@ from ..base.progress import checkpoint
 from .exr_parts import header_bytes
 
 Channel = NDArray[np.float16] | NDArray[np.float32]
-
 _ZIP, _ZIP_ROWS = 3, 16
 """The compression, and how many rows it takes together."""
 _KINDS = {np.dtype(np.float16): 1, np.dtype(np.float32): 2}

@@ -27,14 +27,12 @@ OF_PARTS = ("name", "type", "chunkCount", "view", "multiView", "BlenderMultiChan
 """Attributes that only files of several parts or layers have."""
 MOST_LISTED = 12
 """Channels that a message lists."""
-
 MOST_BYTES = 1 << 24
 """Most bytes of an attribute, such as a preview picture."""
 MOST_PIXELS = 1 << 28
 """Most pixels of a display window."""
 VALUES = ("z", "depth", "v", "y", "r", "x")
 """Channels that hold the values of a depth layer, the first one before the others."""
-
 Box = tuple[int, int, int, int]
 """Left, top, right and bottom pixel, all inside."""
 

@@ -68,8 +68,6 @@ AXES /= np.linalg.norm(AXES, axis=0)
 """(3, 3) red, green and blue of brightness and of two colours, in orthonormal columns."""
 KINDS = np.array([0, 1, 1])
 """Brightness or colour, by component."""
-
-
 NUMBERS = 2 + 2 * (BLOCK - 1) ** 2
 """Length of `Noise.numbers`."""
 

@@ -14,7 +14,6 @@ from ..base.regular_file import open_regular, read_regular, regular_stat
 from . import exr_parts
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
-
 exr_decoder: Callable[[Path | bytes], NDArray[np.float32]] | None = None
 """Reads an EXR, a file or its bytes, as (H, W, 3 or 4) float32 RGB or RGBA, raising OSError, ValueError or
 RuntimeError.
@@ -24,7 +23,6 @@ solving worker starts. OpenEXR's own wheel (3.5.3, 1.8 MB) reads all that Blende
 Linux its C symbols are bound to the library that Blender has loaded already, which is of another version:
 beside 3.4 two compressions were refused, beside 3.1 the process was aborted.
 """
-
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
 """Endings of the files that are read."""
 ARRAY = ".npz"

@@ -14,7 +14,6 @@ FILLED = 0.5
 missing frames. Numbers that are sparser are times of day."""
 LARGEST_INT = 2**31 - 1
 """Largest number in a file name that Blender parses."""
-
 _PLACE = re.compile(r"#+|%0?(\d*)d")
 _DIGITS = re.compile(r"\d+")
 _LITTER = ("__MACOSX", "@eaDir")

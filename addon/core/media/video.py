@@ -27,7 +27,6 @@ from .video_info import VideoInfo, is_alike
 
 MISSING = 0.02
 """Share of a clip's frames that may be missing at its end, with a word, before it is refused as truncated."""
-
 _known: dict[tuple[str, int, int, int], VideoInfo] = {}
 """By path, size in bytes, and times of modification and change in ns: an unchanged file is decoded once."""
 

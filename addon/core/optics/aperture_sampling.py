@@ -15,7 +15,6 @@ LEAST_PREFILTERED = 8
 MOST_VIEWS = 4096
 """Most views that a user can set: eight times the number from which results look alike. Chosen by
 inspection."""
-
 MOST_RELAXED = 128
 """Positions up to which they are relaxed to the end, in at most a second."""
 RELAXATIONS = 60

@@ -33,7 +33,6 @@ def write_model(folder: Path, reconstruction: Reconstruction, names: Mapping[int
         model, values = lens.parameters()
         lines.append(f"{number} {model} {lens.width} {lens.height} {' '.join(map(repr, values))}")
     _write(folder / "cameras.txt", lines)
-
     lines = ["# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME", "# POINTS2D[] as (X, Y, POINT3D_ID)"]
     seen_by: list[list[str]] = [[] for _ in range(len(reconstruction.points))]
     for number, image in enumerate(reconstruction.images, 1):
@@ -45,7 +44,6 @@ def write_model(folder: Path, reconstruction: Reconstruction, names: Mapping[int
         for row, point in enumerate(image.points.tolist()):
             seen_by[point].append(f"{number} {row}")
     _write(folder / "images.txt", lines)
-
     points = reconstruction.points
     lines = ["# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)"]
     rows = zip(points.xyz.tolist(), points.rgb.tolist(), points.error.tolist(), seen_by, strict=True)

@@ -15,7 +15,6 @@ from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, m
 from .parsing import LONGEST
 
 Longs = NDArray[np.int64]
-
 NO_POINT = -1
 """POINT3D_ID of a feature without a point; the same as 2^64 - 1 in binary files."""
 

@@ -20,7 +20,6 @@ PLACES = 24
 """Remembered maps of places, which follow from flows."""
 AGREE = 1.5
 """Pixels by which flow there and back may miss where it began. Chosen by inspection."""
-
 INLIER = 1.0
 """Pixels within which flow agrees with a model of motion."""
 LEAST_FLOW = 30

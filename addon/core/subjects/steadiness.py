@@ -11,7 +11,6 @@ from .people import SMALLEST
 
 SIDE = 160
 """Pixels of the longer side that masks are compared at: an outline that is a pixel off counts little."""
-
 LIKENESS, GROWTH = 0.35, 0.7
 """Intersection over union, and ratio of areas, below which two frames do not show one subject. In the
 benchmark's scenes a subject found in all frames has an IoU of at least 0.89, and two that cross have 0.37 and

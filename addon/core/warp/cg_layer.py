@@ -21,7 +21,6 @@ SOLID = 0.5
 """Least alpha of a pixel with a reliable depth."""
 STEP = 2
 """Pixels between vertices of the mesh. Chosen by inspection: round outlines stay round."""
-
 Discs = Callable[[Map, Floats], Map]
 """Returns radii (h, w) in pixels of the blur discs of displacements (h, w) at pixels (h, w, 2)."""
 

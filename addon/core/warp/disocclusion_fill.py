@@ -27,7 +27,6 @@ from .source_view import CHUNK, Places, Reprojection, SourceView
 
 HiddenColours = Callable[[Floats, Floats], tuple[LinearRGB, Mask]]
 """Maps canvas positions (n, 2) at inverse depths (n,) to linear colours (n, 3), and which are known (n,)."""
-
 GAIN_PLACES = 20_000
 """Positions that compare exposures: at a spread of a tenth, their median is accurate to a thousandth."""
 KEPT_PICTURES = 2 * SOURCE_SPAN // SOURCE_STEP + 4

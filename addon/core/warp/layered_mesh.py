@@ -23,7 +23,6 @@ _AWAY = np.arange(-3, 5) - 0.5
 _LANCZOS = np.sinc(_AWAY) * np.sinc(_AWAY / 4)
 HALFWAY = (_LANCZOS / _LANCZOS.sum()).astype(np.float32)
 """(8,) Lanczos weights, of sum 1, of the eight pixels around the middle between two."""
-
 TILE = 1 << COARSEST
 """Side in pixels of the tiles of a front that are refined: the coarsest cell of the mesh."""
 SPARE = 16

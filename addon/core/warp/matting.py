@@ -13,8 +13,6 @@ CHUNK = 1 << 13
 SEEN_DOUBT = 0.05
 """Variance of background colours from other frames over that of estimated foreground colours. On the
 composites of `alpha_crops` it gains 0.6 to 1.4 dB with estimated mattes and 0.8 to 3.6 dB with true ones."""
-
-
 SEARCH_RADIUS = 3
 """Pixels around a mixed one in which its surfaces are searched."""
 VARIANCE_WEIGHT = 4.0

@@ -27,7 +27,6 @@ WHAT = {
     STMAPS: ("STMaps", "The lens distortion, as maps that undistort frames and distort them again"),
 }
 """Kinds of exports by their name on the command line: label and description."""
-
 Channels = Mapping[str, Map]
 
 

@@ -25,7 +25,6 @@ HDR = ("Rec.2100-HLG", "Rec.2100-PQ")
 """Color spaces of clips whose movies are in the same, by HEVC of 10 bits."""
 HDR_EXPOSURE = float(np.log2(2.03))
 """Stops: Blender reads such a clip with white at 203 cd/m2 (ITU-R BT.2408), and writes it at 100."""
-
 JOINING = "movie"
 """The stage in which all frames are there and the movie is being written."""
 STRIP = 500

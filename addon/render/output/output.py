@@ -30,7 +30,6 @@ from .frame_keys import frame_keys
 from .movie_file import MOVIES, join
 
 STILLS = {".png": "PNG", ".exr": "OPEN_EXR"}
-
 Report = Callable[[str], None]
 Draw = Callable[[list[int], Path, Here, Callable[[int], None]], None]
 """Renders frames to a path whose last #### is the frame number, in this process by `Here` and in others, and

@@ -15,13 +15,11 @@ TRIES = 2
 """How often a share is begun before its frames are given up."""
 LOOK = 0.02
 """Seconds between two looks at the other processes."""
-
 LEAST_SHARE = 8
 """Least frames for another process: starting it takes 2 to 3 s, as long as two frames."""
 PROCESS, A_PIXEL = 900 * memory.MB, 1500
 """Bytes that a process takes at its peak, and for each pixel of a frame besides: one that finds depth and
 draws it took 1.2 GB at 640x360 and 2.2 GB at 1280x720 (the largest resident set, of one thread)."""
-
 Start = Callable[[Job, Sequence[int], int], None]
 """Has another process do a job, which renders frames as the share of this number."""
 Here = Callable[[Sequence[int], Callable[[int], None]], None]

@@ -11,7 +11,6 @@ Rectangle = tuple[float, float, float, float]
 GROUND = (0.0, 0.0, 0.0, 0.75)
 TOP_DOWN = (0.0, 1.0, 1.0, 0.0)
 """The whole of a texture whose first row is the top one."""
-
 _handlers: dict[Callable[[], None], Any] = {}
 
 

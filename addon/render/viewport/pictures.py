@@ -32,7 +32,6 @@ from ..views.average import draw_shares, render_frame
 
 Half = NDArray[np.float16]
 Key = tuple[int, int, str, str]
-
 COARSE_SIDE = 240
 """Pixels of the longer side of the first picture: a draft of the sample clip takes 0.14 s so small, and 0.43
 at 640x360, on 2 cores in software OpenGL (`python -m benchmarks.timings.interface`)."""

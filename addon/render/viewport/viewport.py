@@ -44,7 +44,6 @@ TELL = 0.25
 ROOM = 0.9
 """Size of a picture, as a share of the camera frame's width in pixels in the viewport: a slightly enlarged
 one looks as sharp, and costs less. Chosen by inspection."""
-
 PREVIEW = Preview()
 """The one of this Blender: it takes all processors, so there are not two."""
 

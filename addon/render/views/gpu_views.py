@@ -169,7 +169,6 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
     view.fragment_out(0, "VEC4", "colour")
     view.vertex_source(VIEW_VERTEX)
     view.fragment_source(VIEW_FRAGMENT)
-
     add = gpu.types.GPUShaderCreateInfo()
     for name in ("barrel", "middle"):
         add.push_constant("VEC4", name)
@@ -225,7 +224,6 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
     view = _texture(width, height)
     depth = _texture(width, height, "DEPTH_COMPONENT32F")
     total = _texture(width, height)
-
     view_shader, sum_shader = _shaders()
     triangles = np.ascontiguousarray(plan.mesh.triangles, dtype=np.int32)
     mesh = batch_for_shader(view_shader, "TRIS", vertex_arrays(plan, picture), indices=triangles)

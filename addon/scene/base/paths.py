@@ -12,7 +12,6 @@ from bpy.app.handlers import persistent
 
 PATHS = ("footage", "work_dir", "depth_maps", "masks")
 """Properties of the settings that are paths."""
-
 _before: list[tuple[bpy.types.bpy_struct, str, str]] = []
 """Owner, property and value of the paths that were changed for a file that is being written."""
 

@@ -63,7 +63,6 @@ void main()
     }
 }
 """
-
 MIRRORED = """
 /* A place past the border, as OpenCV's BORDER_REFLECT has it. */
 ivec2 mirrored(ivec2 at, ivec2 size)
@@ -72,7 +71,6 @@ ivec2 mirrored(ivec2 at, ivec2 size)
     return clamp(min(at, 2 * size - 1 - at), ivec2(0), size - 1);
 }
 """
-
 SLOPES = (
     MIRRORED
     + """
@@ -109,7 +107,6 @@ void main()
 }
 """
 )
-
 GATHER = (
     MIRRORED
     + """
@@ -144,7 +141,6 @@ void main()
 }
 """
 )
-
 FINISH = """
 /* `plane_sweep._finished`, the spread of costs over the levels, and `matching.known_levels` as a cost. */
 void main()
@@ -182,7 +178,6 @@ void main()
     imageStore(spreads, at, vec4(sum / float(levels) - (outside ? 0.0 : float(lowest))));
 }
 """
-
 PATHS = """
 /* One way of `semiglobal._both_ways`: a thread goes along a scanline with all levels, QUADS times four. */
 void main()
@@ -224,14 +219,12 @@ void main()
     }
 }
 """
-
 SCREEN = """
 void main()
 {
     gl_Position = vec4(xy, 0.0, 1.0);
 }
 """
-
 WINNERS = """
 uint summed(ivec2 at, int level)
 {

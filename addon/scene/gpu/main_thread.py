@@ -22,7 +22,6 @@ type Steps[T] = Generator[int, None, T]
 """Yields how many steps are done, returns what they make. Between two of them another window's GPU context
 may become the active one: nothing that belongs to a context (framebuffers) may be kept from one to the
 next."""
-
 SLICE = 0.04
 """Seconds of drawing between two looks at the interface's events."""
 IDLE = 0.02

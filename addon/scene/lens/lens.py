@@ -30,7 +30,6 @@ BLUR_DIGITS = 4
 """Decimals that the field of the blur shows."""
 EDITED_DIGITS = 6
 """Decimals of a number that Blender shows while its field is edited."""
-
 _writing = False
 
 

@@ -11,8 +11,6 @@ from ..sources.shot import IDENTITY, reconstruction_of
 NORMAL, PORTRAIT = 50.0, 2.0
 """Millimetres on a full frame, and metres: lens and distance of an assumed scale. Presets of lenses are
 defined at this distance, too."""
-
-
 FULL_FRAME = "FULL_FRAME"
 FORMATS = {
     "ALEXA_65": ("65 mm Digital", 54.12, "ALEXA 65"),

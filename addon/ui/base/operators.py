@@ -15,7 +15,6 @@ from ...scene.lens.lens import is_in_focus
 from .solving import running_solve
 
 Result = set[str]
-
 NO_CAMERA = "The camera was deleted; Restore Objects, under Details, brings it back"
 LOOK = 0.1
 """Seconds between two looks at another process."""

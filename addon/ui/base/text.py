@@ -6,10 +6,8 @@ from ...render.viewport.message import lines
 
 MARGIN = 85
 """Pixels of a panel's width that its text does not get, at a resolution scale of 1."""
-
 UNIT = 20
 """Pixels of Blender's unit of widths, at a resolution scale of 1."""
-
 NARROW = 240
 """Pixels of a sidebar's width, at a resolution scale of 1, below which names of two large buttons are cut
 off; Blender opens it with 292. Measured in a window."""

@@ -20,7 +20,6 @@ SIDE = 128
 """Pixels of an icon: a panel shows it half as large."""
 MOST = 64
 """Icons that are kept: dragging a slider makes one at each step."""
-
 _previews: Any = None
 
 

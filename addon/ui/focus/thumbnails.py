@@ -21,7 +21,6 @@ PART = 0.12
 """Share of the picture's width in a thumbnail. Chosen by inspection."""
 SOON = 0.05
 """Seconds until the thumbnails that panels want are cut out: not while they are drawn."""
-
 _previews: Any = None
 _pictures: dict[str, NDArray[np.float32]] = {}
 """(SIDE, SIDE, 4) display values, opaque, top row first, by key."""

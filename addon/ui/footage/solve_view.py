@@ -18,7 +18,6 @@ SHARE = 0.9
 """Share of the free part of a viewport that the picture covers."""
 SIZE = 3.0
 """Pixels across of a feature, at a resolution scale of 1."""
-
 _shown: tuple[Sight, Any] | None = None
 """The shown sight, and the texture of its picture."""
 

@@ -62,7 +62,6 @@ MORE = (
     "EEVEE_WORLD_PT_surface",
 )
 """Panels without the common mark that apply to our renders."""
-
 _joined: list[type[bpy.types.Panel]] = []
 
 

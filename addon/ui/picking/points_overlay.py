@@ -20,12 +20,9 @@ SIZE, RIM_SIZE = 4.0, 6.0
 """Pixels across, at a resolution scale of 1: no less than the points that Blender draws without colours."""
 PICKED_SIZE, PICKED_RIM_SIZE = 9.0, 12.0
 PICKED_COLOUR, RIM_COLOUR = (0.25, 1.0, 0.35, 1.0), (0.0, 0.0, 0.0, 1.0)
-
 NEARER = 1e-4
 """Share of the depth range by which points are drawn nearer to the viewer, as Blender draws its own."""
-
 Colours = NDArray[np.float32]
-
 _batches: tuple[Any, Any, Any] | None = None
 """The source of the drawing, the batch of all points, and that of the picked ones or None."""
 

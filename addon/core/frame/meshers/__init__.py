@@ -3,14 +3,5 @@
 from . import features, layers
 from .thesis import edges, grid, thesis
 
-MESHERS = {
-    module.MESHER.name: module.MESHER
-    for module in (
-        layers,
-        features,
-        thesis,
-        grid,
-        edges,
-    )
-}
+MESHERS = {module.MESHER.name: module.MESHER for module in (layers, features, thesis, grid, edges)}
 """Meshers by name, the default first."""

@@ -31,7 +31,6 @@ K1, K2, ACROSS, DOWN = 2, 3, 4, 5
 """Places in `Distortion.parameters`."""
 PINHOLE = np.zeros(len(SIGMA))
 """Those of a camera that neither bends nor reads its picture bit by bit."""
-
 # Chosen by inspection of clips with true lenses and of real ones where no line below gives a measurement
 # (`make bench-solve`).
 LONGEST, LONGEST_IN_FRAME = 800, 30

@@ -22,8 +22,6 @@ ZOOM_STEP = 0.02
 miss by a tenth of a pixel."""
 ZOOM_STEPS = 200
 """Steps of an adjustment with a focal length a frame, which takes more of them than others."""
-
-
 LONGEST, LONGEST_IN_FRAME = 1500, 60
 """Number of the clip's longest tracks that take part in an adjustment, and of each frame's beside them."""
 

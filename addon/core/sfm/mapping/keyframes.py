@@ -23,7 +23,6 @@ DATABASE = "database.db"
 THREADS = 1
 """Number of pycolmap's threads. With more, the order in which pairs are stored and sums are added up is
 whatever thread was faster, and the same clip gives one model today and another tomorrow."""
-
 # Chosen by inspection of solved clips.
 START_FOCAL = 0.85
 """Focal length to begin with, in long sides of the frame: a phone's main camera."""

@@ -24,7 +24,6 @@ from ..tracking.tracks import Progress
 from .keyframes import START_FOCAL, mapped, mapper_options, new_camera, verify, write_database
 
 MODEL = "SIMPLE_RADIAL"
-
 # Chosen by inspection of solved photos where no line below gives a measurement.
 WIDE_ANGLES = (8.0, 4.0)
 """Degrees between two photos of a point to begin with, at which focal lengths are found, too; COLMAP's 16

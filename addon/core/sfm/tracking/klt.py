@@ -18,9 +18,7 @@ from .template_tracking import Patches, Rows
 
 Places = NDArray[np.float32]
 Numbers = NDArray[np.int64]
-
 Detector = Callable[[Bytes, Places], Places]
-
 # Cells of a frame. Chosen by inspection of tracks.
 CELLS = 36
 """Cells along the frame's long side, each of which is kept filled with points."""
@@ -30,7 +28,6 @@ MIN_NEIGHBOURS = 6
 """Least neighbours for a test of a point's motion."""
 SAME_MOTION = 0.3
 """Difference of motion from its neighbours that is always allowed, relative to its motion."""
-
 # Corners and the optical flow that follows them. Chosen by inspection of tracks.
 MAX_ROUND_TRIP = 0.5
 """Pixels between a point and where flow there and back puts it, at most."""

@@ -18,7 +18,6 @@ from .klt import CELLS, Numbers, Places, cell_size, neighbour_consistency
 from .template_tracking import Patches, Rows
 
 Descriptors = NDArray[np.float32]
-
 # Chosen by inspection of tracks where no line below names a paper.
 CONTRAST = 0.01
 """Contrast of a keypoint at least, of 1; a quarter of OpenCV's default: weak regions must have some."""

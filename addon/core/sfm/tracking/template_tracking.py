@@ -36,7 +36,6 @@ def square(radius: int) -> Map:
 BASIS = square(RADIUS)
 WEIGHT = np.exp(-(BASIS[1:] ** 2).sum(axis=0) / (2 * (0.9 * RADIUS) ** 2))
 WEIGHT = (WEIGHT / WEIGHT.sum()).astype(np.float32)
-
 # Chosen by inspection of clips with known motion, as in tests/sfm/test_tracks.py.
 ITERATIONS = 2
 """Gauss-Newton steps towards the best fit; they start from the fit of the frame before."""

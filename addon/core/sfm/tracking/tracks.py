@@ -26,7 +26,6 @@ from .sift import Matcher
 Progress = Callable[[str, int, int], None]
 Watch = Callable[[Pixels, Floats], None]
 """Called with each frame (H, W, 3 or 4) as stored and its features (n, 2), as fractions of its size."""
-
 # Chosen by inspection of tracks.
 LONG_SIDE = 960
 """Pixels of the longer side; larger frames are shrunk for tracking."""
