@@ -50,8 +50,7 @@ def unpack(data: bytes, thing: Callable[[Any], object] = lambda name: None) -> A
         pickle.UnpicklingError: It has anything else but plain values and ours.
     """
     file = io.BytesIO(data)
-    root = file.readline().decode().strip()
-    return _Reader(file, root, thing).load()
+    return _Reader(file, file.readline().decode().strip(), thing).load()
 
 
 class _Packer(pickle.Pickler):

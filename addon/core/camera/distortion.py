@@ -128,8 +128,7 @@ class Brown:
         both = change * x * y + 2 * p1 * x + 2 * p2 * y
         xx = factor + change * x * x + 2 * p1 * y + 6 * p2 * x
         yy = factor + change * y * y + 6 * p1 * y + 2 * p2 * x
-        rows = [np.stack([xx, both], axis=-1), np.stack([both, yy], axis=-1)]
-        return np.stack(rows, axis=-2)
+        return np.stack([np.stack([xx, both], axis=-1), np.stack([both, yy], axis=-1)], axis=-2)
 
     def undistort(self, rays: Floats) -> Floats:
         """Return undistorted rays (..., 2) by Newton's method, to about 1e-12.

@@ -138,8 +138,7 @@ class Reconstruction:
     @cached_property
     def typical_depth(self) -> float:
         """The median over the frames of their median depths; 0 without points."""
-        depths = [self.median_depth(image) for image in self.images]
-        return float(np.median(depths or [0.0]))
+        return float(np.median([self.median_depth(image) for image in self.images] or [0.0]))
 
     @cached_property
     def _median_depths(self) -> dict[int, tuple[Image, float]]:

@@ -202,8 +202,7 @@ def without_outliers(picture: Bytes, inverse: Map, confidence: Map, level: float
 def _in_hole(own: Map, window: float) -> Map:
     """(h, w) how far each pixel is surrounded by known depths, within a window (share of the long side)."""
     low, high = HOLE_SHARE
-    share = (_mean_around(own, window) - low) / (high - low)
-    return np.asarray(np.clip(share, 0, 1), np.float32)
+    return np.asarray(np.clip((_mean_around(own, window) - low) / (high - low), 0, 1), np.float32)
 
 
 def _mean_around(values: Map, window: float) -> Map:
@@ -242,8 +241,7 @@ def filled(picture: Bytes, inverse: Map, confidence: Map, level: float, moving: 
 
 def _own_share(confidence: Map) -> Map:
     """(h, w) weight of a pixel's own depth in its result."""
-    share = (confidence - UNSURE) / (SURE - UNSURE)
-    return np.asarray(np.clip(share, 0, 1), np.float32)
+    return np.asarray(np.clip((confidence - UNSURE) / (SURE - UNSURE), 0, 1), np.float32)
 
 
 def _extrapolated(picture: Bytes, inverse: Map, confidence: Map, reach: float, behind: float) -> Map:
@@ -264,8 +262,7 @@ def even(inverse: Map, level: float) -> Map:
     if level <= 0 or high <= low:
         return inverse
     scale = min(4 / level, 255 / (high - low))
-    guide = ((inverse - low) * scale).astype(np.uint8)
-    return globally_smoothed(guide, inverse, EVEN_LAMBDA, scale * level)
+    return globally_smoothed(((inverse - low) * scale).astype(np.uint8), inverse, EVEN_LAMBDA, scale * level)
 
 
 def sharpened(inverse: Map, level: float, disputed: Mask | bool = False, ramp: int = RAMP) -> Map:

@@ -81,8 +81,7 @@ def matched_levels(
     unique = np.clip(1.2 - found.rivals / np.float32(RIVAL_SHARE * len(levels)), 0, 1)
     agreed = np.clip(2 - 2 * found.cost / (NO_MATCH * TRUNCATION), 0, 1)
     textured = np.clip(texture / LEAST_TEXTURE - 0.5, 0, 1)
-    unseen = picture[..., 3] < 255
-    return found.level, np.where(unseen, 0, unique * agreed * textured).astype(np.float32)
+    return found.level, np.where(picture[..., 3] < 255, 0, unique * agreed * textured).astype(np.float32)
 
 
 def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map) -> Winners:

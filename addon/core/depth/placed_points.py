@@ -79,8 +79,7 @@ def placed(reconstruction: Reconstruction, maps: DepthMaps) -> Reconstruction:
 
 
 def _evenly(frames: list[int], count: int) -> list[int]:
-    at = np.linspace(0, len(frames) - 1, min(count, len(frames)))
-    return [frames[i] for i in at.round().astype(int)]
+    return [frames[i] for i in np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int)]
 
 
 def _slant(reconstruction: Reconstruction, image: Image) -> Floats:

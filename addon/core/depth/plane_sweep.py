@@ -67,8 +67,7 @@ class View:
     def warped(self, inverse: float, width: int, height: int, into: Bytes | None = None) -> Bytes:
         """Return (height, width, 4) what it sees of a plane facing the frame at one inverse depth."""
         matrix, flags = self.homography(inverse), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        seen = cv2.warpPerspective(self.picture, matrix, (width, height), into, flags)
-        return np.asarray(seen, np.uint8)
+        return np.asarray(cv2.warpPerspective(self.picture, matrix, (width, height), into, flags), np.uint8)
 
     def shrunk(self, times: int) -> View:
         """Return this view with a picture so many times smaller."""
@@ -127,8 +126,7 @@ def sweep(reference: Bytes, views: Sequence[View], levels: Floats, guide: Map) -
             costs[:, k] = _mismatch(reference, views, float(levels[k]), filtering.filter, room)
 
     side_by_side(fill, range(workers))
-    preferred = np.linspace(0, STEPS * FAR_PREFERENCE, len(levels))
-    return _finished(costs, np.rint(preferred).astype(np.uint16))
+    return _finished(costs, np.rint(np.linspace(0, STEPS * FAR_PREFERENCE, len(levels))).astype(np.uint16))
 
 
 def _mismatch(

@@ -102,5 +102,4 @@ def _standing(mask: Mask, inverse: Map, apart: Mask, pinhole: Intrinsics) -> Flo
     if base <= 0:
         return None
     rays = pinhole.rays(pixel_centres(*mask.shape[::-1]))
-    plane = upright(base, touch.column, slope, ground, rays)
-    return np.clip(plane, base / LEAN, base * LEAN)
+    return np.clip(upright(base, touch.column, slope, ground, rays), base / LEAN, base * LEAN)

@@ -105,8 +105,7 @@ class TemporalFusion:
         found = self._with_subjects(image.frame, inverse, confidence, picture)
         # Subjects may have changed the range.
         inverse = without_speckles(found.inverse_depth, level_of(found.inverse_depth))
-        past = past_border(stack, inverse, level)
-        return replace(found, inverse_depth=inverse, past_border=past)
+        return replace(found, inverse_depth=inverse, past_border=past_border(stack, inverse, level))
 
     def _with_subjects(self, frame: int, inverse: Map, confidence: Map, picture: Bytes) -> DenseDepth:
         """Depth (h, w) of the static scene in a frame, and that of its subjects."""

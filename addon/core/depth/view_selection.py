@@ -61,8 +61,7 @@ def every_nth(reconstruction: Reconstruction, frame: int, step: int, span: int) 
 
 def source_frames(reconstruction: Reconstruction, frame: int) -> list[Image]:
     """Return the registered frames that show what a frame hides, as `every_nth`."""
-    step = stride(reconstruction, SOURCE_STEP, FEWEST_SOURCES)
-    return every_nth(reconstruction, frame, step, SOURCE_SPAN)
+    return every_nth(reconstruction, frame, stride(reconstruction, SOURCE_STEP, FEWEST_SOURCES), SOURCE_SPAN)
 
 
 def nearest_views(reconstruction: Reconstruction, image: Image, count: int | None = None) -> list[Image]:

@@ -189,8 +189,7 @@ class PlaceFinder:
         )
         distance = 1 / pixel.inverse_depth
         world = self._world(x, y, distance)
-        focus = Focus(distance=distance)
-        return Place(focus, self.frame, distance, f"{origin}; {beside}", world, xy=(x, y))
+        return Place(Focus(distance=distance), self.frame, distance, f"{origin}; {beside}", world, xy=(x, y))
 
     def _estimated(self, x: float, y: float, pixel: _Pixel, origin: str) -> Place:
         """A place of uncertain depth, at the distance of its pixel as drawn, or of the features."""

@@ -101,8 +101,7 @@ def inverse_depths(place: Place, reconstruction: Reconstruction, frames: Sequenc
     if not len(known):
         return np.full(len(frames), 1 / place.distance)
     at = np.array(sampled)
-    nearest = known[np.abs(at[known] - at[:-1, None]).argmin(axis=1)]
-    return np.asarray(found[nearest])
+    return np.asarray(found[known[np.abs(at[known] - at[:-1, None]).argmin(axis=1)]])
 
 
 def unseen(marks: Sequence[FocusMark], reconstruction: Reconstruction, frames: Sequence[int]) -> list[int]:

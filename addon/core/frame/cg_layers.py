@@ -57,8 +57,7 @@ class CGSurface:
 
     def painted(self, value: float) -> CGSurface:
         """Replace its colours by one value: with 0 it only occludes."""
-        alpha = self.texture[..., 3:]
-        return replace(self, texture=alpha * np.array([value, value, value, 1], np.float32))
+        return replace(self, texture=self.texture[..., 3:] * np.array([value, value, value, 1], np.float32))
 
 
 def joined(

@@ -153,8 +153,7 @@ class MovingParts:
 
     def inverse_depths(self, mask: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """Return inverse depths of a subject in `scene`; see `Standing.inverse_depths`."""
-        seen = self._outlines(mask, frames)
-        return {frame: self.scene.standing(each) for frame, each in seen.items()}
+        return {frame: self.scene.standing(each) for frame, each in self._outlines(mask, frames).items()}
 
     def opacity(self, frame: int) -> Map | Mask | None:
         """Return the opacity (H, W) in [0, 1] of subjects and masks; None without either."""

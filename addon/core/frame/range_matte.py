@@ -42,8 +42,7 @@ def matte_frame(warped: WarpedFrame, wanted: Range) -> WarpedFrame:
     """Paint a frame's mesh with the matte of a range; the mean of its views has it in each channel."""
 
     def values(displacement: Map) -> LinearRGB:
-        found = wanted.share(_inverse_depth(warped, displacement))
-        return np.dstack([found] * 3)
+        return np.dstack([wanted.share(_inverse_depth(warped, displacement))] * 3)
 
     made = painted_by_disparity(warped, values)
     # A CG object lies at one distance.

@@ -177,8 +177,7 @@ def forecast(clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[
     geometry = frame_geometry(clip, frame, settings, drawn_size(settings, size))
     disc, mesher = sampled_disc(geometry), geometry.mesher
     is_too_large = mesher.needs_pixel_depth and not can_be_layered(geometry.lens, disc)
-    prefiltered = mesher.is_prefiltered and not is_too_large
-    return Forecast(_count(settings, disc, prefiltered), is_too_large)
+    return Forecast(_count(settings, disc, mesher.is_prefiltered and not is_too_large), is_too_large)
 
 
 def view_offsets(clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int]) -> Floats:

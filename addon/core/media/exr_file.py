@@ -56,8 +56,7 @@ def write_exr(path: Path, channels: Mapping[str, Channel]) -> None:
 
 def _bytes_of(rows: Channel) -> NDArray[np.uint8]:
     """(h, n) the bytes of rows (h, W), the least significant first."""
-    stored = np.ascontiguousarray(rows, rows.dtype.newbyteorder("<"))
-    return stored.view(np.uint8)
+    return np.ascontiguousarray(rows, rows.dtype.newbyteorder("<")).view(np.uint8)
 
 
 def _packed(data: NDArray[np.uint8]) -> bytes:

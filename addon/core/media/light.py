@@ -52,8 +52,7 @@ def to_rgb8(picture: Pixels) -> NDArray[np.uint8]:
     Float pictures are linear light, which is clipped to [0, 1] and encoded as sRGB.
     """
     if picture.dtype == np.float32:
-        encoded = encode_srgb(np.clip(np.nan_to_num(picture[..., :3]), 0, 1))
-        return np.round(encoded * 255).astype(np.uint8)
+        return np.round(encode_srgb(np.clip(np.nan_to_num(picture[..., :3]), 0, 1)) * 255).astype(np.uint8)
     if picture.dtype == np.uint16:
         return (np.asarray(picture[..., :3], dtype=np.uint16) >> 8).astype(np.uint8)
     return np.ascontiguousarray(picture[..., :3], dtype=np.uint8)

@@ -245,5 +245,4 @@ def _of_blocks(blocks: Map, moved: Map | float = 0.0, step: float = 0.0) -> Nois
     power = np.maximum(power, FAINT * power.max(axis=(1, 2), keepdims=True))
     kernels = np.fft.fftshift(np.fft.ifft2(np.sqrt(power)).real, axes=(1, 2))[:, 1:, 1:]
     kernels /= np.sqrt((kernels**2).sum(axis=(1, 2), keepdims=True))
-    sigma = np.sqrt(np.maximum([variance[0], variance[1:].mean()], 0))
-    return Noise(sigma, np.asarray(kernels, np.float32))
+    return Noise(np.sqrt(np.maximum([variance[0], variance[1:].mean()], 0)), np.asarray(kernels, np.float32))

@@ -266,8 +266,7 @@ class Aperture:
 
 def _cell_means(values: Floats | Mask, size: int) -> Floats:
     """(size, size) means of the cells of a raster `SUBSAMPLES` times as fine."""
-    cells = values.reshape(size, SUBSAMPLES, size, SUBSAMPLES)
-    return np.asarray(cells.mean(axis=(1, 3)), np.float64)
+    return np.asarray(values.reshape(size, SUBSAMPLES, size, SUBSAMPLES).mean(axis=(1, 3)), np.float64)
 
 
 @dataclass(frozen=True)

@@ -45,16 +45,14 @@ class InFocusZone:
         near, far = self._ends(axis)
         within = np.clip(contrast, -far, near)
         outside = contrast - within
-        slope = np.where(outside > 0, *self._slopes)
-        return np.asarray(FLAT * within + slope * outside, contrast.dtype)
+        return np.asarray(FLAT * within + np.where(outside > 0, *self._slopes) * outside, contrast.dtype)
 
     def expanded[T: np.floating](self, contrast: NDArray[T], axis: float) -> NDArray[T]:
         """Invert `compressed`."""
         near, far = self._ends(axis)
         within = np.clip(contrast, -FLAT * far, FLAT * near)
         outside = contrast - within
-        slope = np.where(outside > 0, *self._slopes)
-        return np.asarray(within / FLAT + outside / slope, contrast.dtype)
+        return np.asarray(within / FLAT + outside / np.where(outside > 0, *self._slopes), contrast.dtype)
 
     @property
     def _slopes(self) -> tuple[float, float]:

@@ -83,8 +83,7 @@ def recorded_depth(path: Path, work_dir: Path) -> Path | None:
     """Return the depth maps of a recording, beside a working folder, or None; raises UserError."""
     path = Path(path).expanduser()
     folder = work_dir.with_name(f"{work_dir.stem}_lidar")
-    found = (reader.write_depth(path, folder) for reader in RECORDINGS if reader.recognises(path))
-    return next(found, None)
+    return next((reader.write_depth(path, folder) for reader in RECORDINGS if reader.recognises(path)), None)
 
 
 def _recognised(path: Path) -> tuple[Reader, Path]:

@@ -178,8 +178,7 @@ def _stem(parts: Parts) -> str:
 
 def _by(named: dict[int, Parts], footage: Footage, key: Callable[[Parts], str]) -> _Pairing:
     clip = {frame: _parts(str(file)) for frame, file in zip(footage.frames, footage.files, strict=True)}
-    wanted = [(frame, key(parts), parts) for frame, parts in clip.items()]
-    return _chosen(named, wanted, key)
+    return _chosen(named, [(frame, key(parts), parts) for frame, parts in clip.items()], key)
 
 
 def _by_number(named: dict[int, Parts], footage: Footage) -> _Pairing:
@@ -241,8 +240,7 @@ def _shown(model: ImportedModel, index: int) -> str:
 
 
 def _some(names: list[str]) -> str:
-    shown = ", ".join(name[-60:] for name in names[:SHOWN])
-    return shown + (", ..." if len(names) > SHOWN else "")
+    return ", ".join(name[-60:] for name in names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")
 
 
 def _fitted(model: Reconstruction, footage: Footage) -> tuple[Reconstruction, list[str]]:

@@ -97,8 +97,7 @@ def _lenses(said: dict[str, Any], count: int, place: str) -> np.ndarray:
         )
         if len(each) == count:
             return np.round(each, DIGITS)
-    flat = finite(said.get("K"), (9,), f"{place}, K", "9 numbers")
-    return np.tile(flat[[0, 4, 6, 7]], (count, 1))
+    return np.tile(finite(said.get("K"), (9,), f"{place}, K", "9 numbers")[[0, 4, 6, 7]], (count, 1))
 
 
 def _pictures(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:

@@ -254,5 +254,4 @@ def environment() -> dict[str, str]:
     # The worker finds our package under the plain name `addon`, whatever Blender calls the extension,
     # and the wheels on the path that Blender made for them.
     above = Path(__file__).resolve().parents[3]
-    paths = [str(above), *(p for p in sys.path if p)]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
+    return os.environ | {"PYTHONPATH": os.pathsep.join([str(above), *(p for p in sys.path if p)])}

@@ -251,8 +251,7 @@ def _held(job: dict[str, Any], tracks: Tracks, folder: Path) -> _Found:
         return _Found(upright(read_model(folder / job["cloud"])), said)
     said |= {"explained": known.explained, "camera_miss": known.miss}
     said["notes"].append(POINTS_FOUND.format(miss=known.miss * max(tracks.width, tracks.height) / 1000))
-    placed = known.reconstruction if job["placed"] else upright(known.reconstruction)
-    return _Found(placed, said)
+    return _Found(known.reconstruction if job["placed"] else upright(known.reconstruction), said)
 
 
 def _metadata_focal(footage: Footage) -> float | None:

@@ -82,8 +82,7 @@ class ClipSubjects:
     @cached_property
     def pictures(self) -> ClipPictures:
         """Small pictures of the registered frames."""
-        frames = tuple(int(frame) for frame in self.reconstruction.frames)
-        return ClipPictures(frames, self.read)
+        return ClipPictures(tuple(int(frame) for frame in self.reconstruction.frames), self.read)
 
     def carried(self, marked: MarkedSubject) -> CarriedSubject:
         """Return a marked subject, carried through the clip; the last `KEPT_SUBJECTS` are remembered."""

@@ -61,8 +61,7 @@ class CGLayer:
         solid = known & (picture[part][..., 3] > SOLID)
         known = solid if solid.any() else known
         inverse = nearest(inverse, known) if known.any() else np.full_like(inverse, typical)
-        corner = int(columns[0]) - margin, int(rows[0]) - margin
-        return cls(picture[part].copy(), inverse, corner, is_sharp)
+        return cls(picture[part].copy(), inverse, (int(columns[0]) - margin, int(rows[0]) - margin), is_sharp)
 
     def places(self) -> Floats:
         """Return (h, w, 2) centres of pixels on the canvas."""
@@ -147,8 +146,7 @@ class CGLayer:
         at = np.ix_(rows, columns)
         place = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2) + 0.5
         used, triangles = _used(_triangles(texture[..., 3] > 0))
-        mesh = WarpMesh(place[used] + wide.corner, place[used], inverse[at].ravel()[used], triangles)
-        return mesh, texture
+        return WarpMesh(place[used] + wide.corner, place[used], inverse[at].ravel()[used], triangles), texture
 
     def _padded(self, margin: int) -> CGLayer:
         """Pad by at least `margin` empty pixels, to sides of a multiple of `STEP` plus one."""

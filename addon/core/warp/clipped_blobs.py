@@ -147,8 +147,7 @@ def clipped_blobs(picture: LinearRGBA, threshold: float) -> Blobs:
     centre = (centres[kept] + 0.5) / peak.shape[::-1]
     within = (cv2.erode(clipped.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & (sure > 0)[label]
     white = float(np.clip(np.percentile(peak[within], LOW), *WHITES)) if within.any() else 1.0
-    area = stats[kept, cv2.CC_STAT_AREA].astype(np.float64)
-    return Blobs(centre, area, sure[kept], spread, white, patches)
+    return Blobs(centre, stats[kept, cv2.CC_STAT_AREA].astype(np.float64), sure[kept], spread, white, patches)
 
 
 def _weights(peak: Map, clipped: Mask, label: Ints, stats: Ints, centres: Floats, threshold: float) -> Floats:

@@ -97,8 +97,7 @@ class DisocclusionFill:
             seen += np.isfinite(colours[0])
             alike += _differ(np.sqrt(colours), target.root) < AGREEMENT
             sources.append(source)
-        surroundings = BilateralGrid.of(target.places, target.root, seen, alike)
-        return ReprojectedColours(tuple(sources), surroundings)
+        return ReprojectedColours(tuple(sources), BilateralGrid.of(target.places, target.root, seen, alike))
 
     def _source_view(
         self, image: Image, canvas: Canvas, other: Image, target: _TargetView

@@ -210,8 +210,7 @@ def _blurred(around: LinearRGBA, level: Level) -> LinearRGBA:
     # The mean of a cell and linear interpolation blur, too: by a twelfth and a sixth of a cell squared.
     left = np.sqrt((level.radius / level.shrink) ** 2 - 4 * (1 / 12 + 1 / 6))
     small = cv2.filter2D(small, -1, disc_kernel(float(left)), borderType=cv2.BORDER_REPLICATE)
-    whole = cv2.resize(small, wide.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-    return np.asarray(whole[:height, :width])
+    return np.asarray(cv2.resize(small, wide.shape[1::-1], interpolation=cv2.INTER_LINEAR)[:height, :width])
 
 
 @lru_cache

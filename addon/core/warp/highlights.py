@@ -290,8 +290,7 @@ def _signed_distances(outline: Mask) -> Map:
     stack = np.pad(outline, ((0, 0), (around, around), (0, 0)))
     flat = stack.reshape(-1, stack.shape[2]).astype(np.uint8)
     within, beyond = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (flat, 1 - flat))
-    found = (within - beyond).reshape(stack.shape)[:, around:-around] / FINER
-    return np.asarray(found, np.float32)
+    return np.asarray((within - beyond).reshape(stack.shape)[:, around:-around] / FINER, np.float32)
 
 
 @lru_cache(maxsize=256)

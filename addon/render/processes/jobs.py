@@ -28,8 +28,7 @@ Here = Callable[[Sequence[int], Callable[[int], None]], None]
 
 def fitting(pixels: int) -> int:
     """Return how many processes fit, 1 or more, by threads and by memory, for pictures of so many pixels."""
-    room = memory.free() // (PROCESS + A_PIXEL * pixels)
-    return max(1, min(limits.threads(), room))
+    return max(1, min(limits.threads(), memory.free() // (PROCESS + A_PIXEL * pixels)))
 
 
 def shares(frames: Sequence[int], count: int) -> list[list[int]]:

@@ -325,8 +325,7 @@ def axial_rows(plan: FramePlan) -> NDArray[np.float32]:
     They put the focal plane of these colours in register.
     """
     shift = plan.axial_shift * plan.canvas.pinhole.focal * plan.offsets
-    moved = np.einsum("nij,nj->ni", plan.registration[:, :, :2], shift)
-    return np.asarray(moved * [1, -1], np.float32)
+    return np.asarray(np.einsum("nij,nj->ni", plan.registration[:, :, :2], shift) * [1, -1], np.float32)
 
 
 def _largest_contrast(plan: FramePlan) -> float:
@@ -341,8 +340,7 @@ def upload(picture: LinearRGBA) -> gpu.types.GPUTexture:
     """
     height, width = picture.shape[:2]
     data = np.ascontiguousarray(picture, dtype=np.float32).reshape(-1)
-    buffer = gpu.types.Buffer("FLOAT", data.size, data)
-    return _texture(width, height, data=buffer)
+    return _texture(width, height, data=gpu.types.Buffer("FLOAT", data.size, data))
 
 
 def _texture(

@@ -87,8 +87,7 @@ def _made(settings: bpy.types.PropertyGroup) -> bpy.types.FCurve:
 
 
 def _kinds() -> dict[str, int]:
-    kinds = bpy.types.Keyframe.bl_rna.properties["type"].enum_items
-    return {kind.identifier: kind.value for kind in kinds}
+    return {kind.identifier: kind.value for kind in bpy.types.Keyframe.bl_rna.properties["type"].enum_items}
 
 
 def _digest(curve: bpy.types.FCurve) -> str:

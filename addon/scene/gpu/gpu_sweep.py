@@ -164,8 +164,7 @@ class _Sweep:
             cv2.boxFilter(part, -1, window, borderType=cv2.BORDER_REFLECT) for part in (guide, guide**2)
         )
         weight = 1 / (square - mean**2 + GUIDE_EPSILON)
-        known = np.nan_to_num(self.known, nan=2 * UNKNOWN)
-        return np.dstack([guide, mean, weight, known]).astype(np.float32)
+        return np.dstack([guide, mean, weight, np.nan_to_num(self.known, nan=2 * UNKNOWN)]).astype(np.float32)
 
     def _planes(self) -> Map:
         """(k, 3 n, 4) homographies of n views by level, with whether a view sees the plane, and the cost."""

@@ -82,8 +82,7 @@ def repairs_of(settings: bpy.types.PropertyGroup) -> tuple[Repair, ...]:
 def _repair(kept: bpy.types.PropertyGroup) -> Repair:
     places = tuple((float(place.xy[0]), float(place.xy[1])) for place in kept.places)
     x, y = map(float, kept.reference)
-    reference = (x, y) if x >= 0 else None
-    return Repair(kept.kind.lower(), kept.frame, places, kept.radius, kept.amount, reference)
+    return Repair(kept.kind.lower(), kept.frame, places, kept.radius, kept.amount, (x, y) if x >= 0 else None)
 
 
 def add_repairs(settings: bpy.types.PropertyGroup, repairs: Sequence[Repair]) -> None:

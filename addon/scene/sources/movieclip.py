@@ -133,8 +133,7 @@ def _intrinsics(clip: bpy.types.MovieClip, footage: Footage, notes: list[str]) -
             " set the camera in the Movie Clip Editor and solve again"
         )
     plain = Intrinsics(width, height, focal, focal * height / rows, across, height - up)
-    solved = _with_distortion(plain, camera, notes)
-    return solved.scaled(footage.width, footage.height)
+    return _with_distortion(plain, camera, notes).scaled(footage.width, footage.height)
 
 
 def _with_distortion(

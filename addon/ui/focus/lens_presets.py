@@ -123,8 +123,7 @@ def preset_files() -> list[Path]:
 
 def _by_number(name: str) -> list[tuple[int, str]]:
     """A key by which 85 mm comes before 100 mm."""
-    parts = re.split(r"(\d+)", name.lower())
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name.lower())]
 
 
 def register() -> None:

@@ -44,7 +44,6 @@ class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
 def _footage(settings: bpy.types.PropertyGroup) -> Footage | None:
     """The solved clip; None if it is missing, which the panel shows."""
     try:
-        is_stills = not reconstruction_of(settings).is_ordered
-        return open_footage(solved_clip_path(settings), stills=is_stills)
+        return open_footage(solved_clip_path(settings), stills=not reconstruction_of(settings).is_ordered)
     except UserError:
         return None

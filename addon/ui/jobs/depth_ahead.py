@@ -193,8 +193,7 @@ class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        is_running = _ahead is not None and _ahead.is_running
-        return is_met(cls, is_running, "Depth is not being found")
+        return is_met(cls, _ahead is not None and _ahead.is_running, "Depth is not being found")
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         pause()

@@ -130,8 +130,7 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        is_free = is_met(cls, under_way() is None, "Files are being exported")
-        return is_free and has_solve(cls, context)
+        return is_met(cls, under_way() is None, "Files are being exported") and has_solve(cls, context)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         if context.scene.virtual_aperture.footage:

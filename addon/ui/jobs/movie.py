@@ -123,8 +123,7 @@ def draw(layout: bpy.types.UILayout) -> None:
 
 def _is_of(scene: bpy.types.Scene, made: MovieJob) -> bool:
     """Return whether a movie is one of the scene's clip."""
-    has_clip = bool(scene.virtual_aperture.footage)
-    return made.failure is None and has_clip and made.out == movie_path(scene)
+    return made.failure is None and bool(scene.virtual_aperture.footage) and made.out == movie_path(scene)
 
 
 class VIRTUAL_APERTURE_OT_cancel_movie(bpy.types.Operator):  # noqa: N801

@@ -67,8 +67,7 @@ def weights(residuals: Floats, loss: float) -> tuple[Floats, float]:
     bad = ~np.isfinite(size)
     size = np.where(bad, 1e6, size)
     weight = np.where(size <= loss, 1.0, loss / np.maximum(size, loss))
-    cost = float(np.where(size <= loss, size**2, 2 * loss * size - loss**2).sum())
-    return np.where(bad, 0.0, weight), cost
+    return np.where(bad, 0.0, weight), float(np.where(size <= loss, size**2, 2 * loss * size - loss**2).sum())
 
 
 def cost_of(bundle: Bundle, seen: Observations, loss: float, tie: float) -> float:

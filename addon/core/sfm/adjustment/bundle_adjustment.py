@@ -123,8 +123,7 @@ def _solved(system: System, damping: float) -> tuple[Floats, Floats] | None:
         cameras = np.linalg.solve(reduced, product[:, -1] - system.right)
     except np.linalg.LinAlgError:
         return None
-    rest = -half[..., -1] - half[..., :-1] @ cameras
-    return cameras, np.einsum("pji,pj->pi", factor, rest)
+    return cameras, np.einsum("pji,pj->pi", factor, -half[..., -1] - half[..., :-1] @ cameras)
 
 
 def _moved(bundle: Bundle, basis: Floats, cameras: Floats, points: Floats, extra: int) -> Bundle:
@@ -211,5 +210,4 @@ def _influence(system: System, seen: Observations, frames: int) -> Floats:
             "mki,miw->mkw", pose, inverse[: 6 * frames].reshape(frames, 6, wanted)[seen.frame]
         )
         by_point = np.einsum("mki,miw->mkw", point, (solved @ inverse)[seen.point])
-        each = by_pose + common @ inverse[-wanted:] - by_point
-        return np.asarray(np.einsum("mkw,mk->mw", each, residual))
+        return np.asarray(np.einsum("mkw,mk->mw", by_pose + common @ inverse[-wanted:] - by_point, residual))

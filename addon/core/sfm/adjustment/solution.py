@@ -67,8 +67,7 @@ class Solution:
         local += self.translation[frame]
         with np.errstate(divide="ignore", invalid="ignore"):
             seen = local[:, :2] / local[:, 2:] * self.focal[frame, None] + self.centre
-        error = np.linalg.norm(seen - self.tracks.xy, axis=1)
-        return np.where(local[:, 2] <= 0, np.inf, error)
+        return np.where(local[:, 2] <= 0, np.inf, np.linalg.norm(seen - self.tracks.xy, axis=1))
 
 
 def empty(tracks: Tracks, focal: float, largest_error: float = LARGEST_ERROR) -> Solution:

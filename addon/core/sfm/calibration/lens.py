@@ -245,8 +245,7 @@ class _Fit:
         free = np.isin(np.arange(len(SIGMA)), terms)
         lens = replace(undistorted(size, self.speed[self.posed]), free=free, parameters=parameters * free)
         start = replace(self.bundle, distortion=lens)
-        how = "common" if self.free_focal else "held"
-        return adjust(start, self.seen, self.loss, how)
+        return adjust(start, self.seen, self.loss, "common" if self.free_focal else "held")
 
     def put(self, made: Solution, found: Adjusted, lens: Lens) -> None:
         """Write an adjustment into a solve, with the lens removed from its tracks."""

@@ -181,8 +181,7 @@ class _Epipolar:
                 found.append(self._distances(one, other, pair, focal))
         if len(found) < OVERLAP * len(self.pairs):
             return float("nan")
-        scale = 1000 / max(self.tracks.width, self.tracks.height)
-        return float(np.median(np.concatenate(found))) * scale
+        return float(np.median(np.concatenate(found))) * (1000 / max(self.tracks.width, self.tracks.height))
 
     @property
     def moved(self) -> float:

@@ -301,8 +301,7 @@ def _distances(reconstruction: Reconstruction) -> list[float]:
 def _angles(point: Ints, rays: Floats, count: int) -> Floats:
     """(k,) degrees between the outermost rays of the k points that two frames see."""
     angle = outermost_angles(rays, point, count)
-    good = (np.bincount(point, minlength=count) >= 2) & np.isfinite(angle)
-    return np.asarray(angle[good])
+    return np.asarray(angle[(np.bincount(point, minlength=count) >= 2) & np.isfinite(angle)])
 
 
 def _mean_error(point: Ints, missed: Floats, count: int) -> float | None:

@@ -195,8 +195,7 @@ def _has_neighbours(reconstruction: Reconstruction, image: Image, rows: Ints) ->
     size = np.ceil(np.array([camera.width, camera.height, 1.25 * nearest]) / cell).astype(int)
 
     def number(place: Floats, depth: Floats) -> tuple[NDArray[np.intp], ...]:
-        at = np.clip(np.column_stack([place, 1 / depth]) / cell, 0, size - 1)
-        return tuple(at.astype(np.intp).T)
+        return tuple(np.clip(np.column_stack([place, 1 / depth]) / cell, 0, size - 1).astype(np.intp).T)
 
     count = np.zeros(size, int)
     np.add.at(count, number(image.xy[ahead], observed[ahead, 2]), 1)
@@ -233,8 +232,7 @@ def _looks(
         beside[some] = np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1) * local[some, None, 2:]
     place = camera.project(image.to_camera(world))
     seen = camera.project(image.to_camera((beside - translation[:, None]) @ rotation))
-    maps = np.swapaxes(seen - place[:, None], 1, 2)
-    return sample(gray, place * zoom - 0.5, maps, square(RADIUS + 1))
+    return sample(gray, place * zoom - 0.5, np.swapaxes(seen - place[:, None], 1, 2), square(RADIUS + 1))
 
 
 def _alike(patches: NDArray[np.floating], looks: Map) -> Mask:

@@ -155,8 +155,7 @@ class TwoScales:
 
     def _weak(self, gray: Bytes, points: Places) -> Places:
         points = np.concatenate([points, self._taken])
-        strength = cv2.cornerMinEigenVal(gray, 3)
-        return strongest_corners(gray, points, strength, COARSE_QUALITY, COARSE_CELLS)
+        return strongest_corners(gray, points, cv2.cornerMinEigenVal(gray, 3), COARSE_QUALITY, COARSE_CELLS)
 
     def _named(self, which: int, numbers: Numbers) -> Numbers:
         """One follower's track numbers among both's."""
@@ -176,8 +175,7 @@ def _tracked(before: Bytes, points: _Points, after: Bytes) -> _Points:
     # Light that changes and moves that are too long for flow are taken out first.
     alike = same_brightness(after, before)
     moved = follow(before, alike, points.places, shift(before, alike))
-    again = _found(points, *moved, before, after)
-    return max(found, again, key=len)
+    return max(found, _found(points, *moved, before, after), key=len)
 
 
 def _found(points: _Points, places: Places, kept: Mask, before: Bytes, after: Bytes) -> _Points:

@@ -211,8 +211,7 @@ def _bilinear(x: Floats, y: Floats, xy: Floats) -> tuple[Ints, Floats]:
     s = (xy[:, 0] - x[column]) / (x[column + 1] - x[column])
     t = (xy[:, 1] - y[row]) / (y[row + 1] - y[row])
     share = np.stack([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t], axis=1)
-    vertex = (row * len(x) + column)[:, None] + [0, 1, len(x), len(x) + 1]
-    return vertex.astype(np.int32), share
+    return ((row * len(x) + column)[:, None] + [0, 1, len(x), len(x) + 1]).astype(np.int32), share
 
 
 def _plane(xy: Floats, values: Floats, weights: Floats) -> Floats:
