@@ -125,14 +125,20 @@ def unclipped(frame: NDArray[np.uint8], disc: Floats) -> Mask:
     frame can give its disc the right brightness. `disc` is (H, W), diameters in pixels.
     """
     clipped = (frame == 255).any(axis=-1)
-    count, label = cv2.connectedComponents(clipped.astype(np.uint8))
+    count, label, boxes, _ = cv2.connectedComponentsWithStats(clipped.astype(np.uint8))
     reached = clipped.copy()
     # One highlight has one depth, so its pixels' largest disc goes for all of them.
     for highlight in range(1, count):
-        own = (label == highlight).astype(np.uint8)
-        radius = int(np.ceil(np.abs(disc[label == highlight]).max() / 2)) + 1
+        left, top, width, height = (int(side) for side in boxes[highlight, :4])
+        inside = np.s_[top : top + height, left : left + width]
+        own = label[inside] == highlight
+        radius = int(np.ceil(np.abs(disc[inside][own]).max() / 2)) + 1
         kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-        reached |= cv2.dilate(own, kernel).astype(bool)
+        wide = cv2.dilate(np.pad(own, radius).astype(np.uint8), kernel) > 0
+        first = max(top - radius, 0), max(left - radius, 0)
+        target = reached[first[0] : top + height + radius, first[1] : left + width + radius]
+        skipped = first[0] - (top - radius), first[1] - (left - radius)
+        target |= wide[skipped[0] :, skipped[1] :][: target.shape[0], : target.shape[1]]
     return np.asarray(~reached)
 
 
