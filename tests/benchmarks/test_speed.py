@@ -46,8 +46,9 @@ def test_a_curve_replaces_its_own_panel_alone(tmp_path: Path) -> None:
 
 
 def test_large_pictures_are_judged_with_few_views() -> None:
-    assert envelope.judged_views((4, 32, 64), 1920) == (4, 32, 64)
-    assert envelope.judged_views((4, 32, 64), 3840) == (4, 32)
+    assert envelope.judged_views("thesis", 1920) == (4, 16, 64, 256)
+    assert envelope.judged_views("thesis", 3840) == (4, 16)
+    assert envelope.judged_views("Defocus", 1920) and not envelope.judged_views("Defocus", 3840)
 
 
 def test_a_resized_scene_has_the_same_view_and_blur_in_shares_of_the_width() -> None:
