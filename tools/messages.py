@@ -16,8 +16,8 @@ from pathlib import Path
 
 ADDON = Path(__file__).resolve().parents[1] / "addon"
 KINDS = {
-    "UserError": "error", "UsageError": "error", "report": "report", "is_met": "panel", "label": "panel",
-    "poll_message_set": "panel", "wrapped": "panel", "Notice": "panel",
+    "UserError": "error", "UsageError": "error", "report": "report", "is_met": "panel", "requires": "panel",
+    "label": "panel", "poll_message_set": "panel", "wrapped": "panel", "Notice": "panel",
 }  # fmt: skip
 """Functions that take messages, and where these are shown."""
 

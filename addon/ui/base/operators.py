@@ -15,6 +15,8 @@ from ...scene.lens.lens import is_in_focus
 from .solving import running_solve
 
 Result = set[str]
+Condition = Callable[[Any, bpy.types.Context], bool]
+"""Takes an operator's class and the context."""
 NO_CAMERA = "The camera was deleted; Restore Objects, under Details, brings it back"
 LOOK = 0.1
 """Seconds between two looks at another process."""
@@ -29,7 +31,7 @@ def classes_of(*modules: ModuleType) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-def polls(*conditions: Callable[[Any, bpy.types.Context], bool]) -> Any:
+def polls(*conditions: Condition) -> Any:
     """Return an operator's `poll` of conditions, which are asked in order."""
     return classmethod(lambda cls, context: all(condition(cls, context) for condition in conditions))
 
@@ -68,6 +70,11 @@ def is_met(cls: Any, condition: object, message: str) -> bool:
     return bool(condition)
 
 
+def requires(is_true: Callable[[bpy.types.Context], object], message: str) -> Condition:
+    """Return a condition of a poll; `message` is the button's reason otherwise."""
+    return lambda cls, context: is_met(cls, is_true(context), message)
+
+
 def is_idle(cls: Any, _context: bpy.types.Context) -> bool:
     """Poll: no clip is being solved."""
     return is_met(cls, running_solve() is None, "A clip is being solved; ESC cancels it")
@@ -90,8 +97,8 @@ def has_focus(cls: Any, context: bpy.types.Context) -> bool:
     return has_solve(cls, context) and is_met(cls, is_in_focus(settings), message)
 
 
-def has_points(cls: Any, context: bpy.types.Context, to_do: str) -> bool:
-    """Poll for a selection in the point cloud; `to_do` names it."""
+def has_points(cls: Any, context: bpy.types.Context) -> bool:
+    """Poll: vertices of the point cloud can be selected."""
     if not may_change(cls, context) or not has_solve(cls, context):
         return False
     points = context.scene.virtual_aperture.points
@@ -102,8 +109,14 @@ def has_points(cls: Any, context: bpy.types.Context, to_do: str) -> bool:
     elif points.name not in context.view_layer.objects:
         cls.poll_message_set("The point cloud's collection is excluded from the view layer")
     else:
-        cls.poll_message_set(f"Select the point cloud, press Tab for Edit Mode and select {to_do}")
+        cls.poll_message_set("Select the point cloud, press Tab for Edit Mode and select vertices")
     return False
+
+
+def asked(operator: Any, context: bpy.types.Context, event: bpy.types.Event, **words: str) -> Result:
+    """Ask the user with `invoke_confirm`, whose texts are `words`; a yes calls the operator's `execute`."""
+    answer: Result = context.window_manager.invoke_confirm(operator, event, **words)
+    return answer
 
 
 def refused(error: RuntimeError) -> UserError:

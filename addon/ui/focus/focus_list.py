@@ -12,7 +12,7 @@ from ...scene.focus import focus_curve, focus_marks
 from ...scene.focus.kept_places import at_distance
 from ...scene.lens import aperture_cloud, blender_focus
 from ...scene.lens.depth_of_field import length_words
-from ..base.operators import Result, has_focus, has_solve, is_met, may_change, reported
+from ..base.operators import Result, has_focus, has_solve, is_met, may_change, polls, reported, requires
 from ..jobs.report_list import next_of
 from ..picking.pick_vertices import focus_on
 from . import thumbnails
@@ -35,9 +35,7 @@ class ChangesMarks:
 
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return may_change(cls, context) and has_marks(cls, context)
+    poll = polls(may_change, has_marks)
 
     @reported
     def execute(self: Any, context: bpy.types.Context) -> Result:
@@ -139,9 +137,7 @@ class VIRTUAL_APERTURE_OT_jump_to_focus_mark(bpy.types.Operator):  # noqa: N801
 
     frame: bpy.props.IntProperty(name="Frame", options={"SKIP_SAVE"})
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return has_marks(cls, context)
+    poll = polls(has_marks)
 
     def execute(self, context: bpy.types.Context) -> Result:
         group = context.scene.virtual_aperture.marks
@@ -160,10 +156,12 @@ class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
     bl_label = "Next Frame With Hidden Focus"
     bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        unseen = context.scene.virtual_aperture.marks.unseen
-        return has_marks(cls, context) and is_met(cls, unseen, "What is in focus can be seen in all frames")
+    poll = polls(
+        has_marks,
+        requires(
+            lambda c: c.scene.virtual_aperture.marks.unseen, "What is in focus can be seen in all frames"
+        ),
+    )
 
     def execute(self, context: bpy.types.Context) -> Result:
         scene = context.scene
@@ -186,10 +184,13 @@ class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  
     bl_idname = "virtual_aperture.write_focus_marks"
     bl_label = "Restore Focus Mark Keys"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        is_users = focus_curve.is_users(context.scene.virtual_aperture)
-        return super().poll(context) and is_met(cls, is_users, "The keyframes are those of the focus marks")
+    poll = polls(
+        may_change, has_marks,
+        requires(
+            lambda c: focus_curve.is_users(c.scene.virtual_aperture),
+            "The keyframes are those of the focus marks",
+        ),
+    )  # fmt: skip
 
     def change(self, settings: bpy.types.PropertyGroup, _frame: int) -> str:
         focus_marks.take_keys_over(settings)

@@ -20,7 +20,7 @@ from ...scene.lens.repairs import repairs_of
 from ...scene.sources import subjects
 from ...scene.sources.shot import Shot, shot_of
 from ..base.background_work import WorksMeanwhile
-from ..base.operators import Result, has_solve, is_met, may_change
+from ..base.operators import Result, has_solve, may_change, polls, requires
 from ..jobs.report_list import VIRTUAL_APERTURE_OT_jump_to_frame, next_of
 from ..picking.pick_subject import VIRTUAL_APERTURE_OT_pick_subject
 from ..picking.pick_vertices import focus_on
@@ -38,25 +38,25 @@ class VIRTUAL_APERTURE_UL_subjects(bpy.types.UIList):  # noqa: N801
         row.label(text=counted(len(subject.strokes), "stroke"))
 
 
+has_subject = requires(
+    lambda context: subjects.active(context.scene.virtual_aperture),
+    "No subject is marked; Pick Subject marks one",
+)
+no_other = requires(lambda _: not WorksMeanwhile._under_way, "Another subject is being worked on")
+
+
 class OfActive:
     """An operator on the active subject."""
 
     bl_options = {"UNDO"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        subject = subjects.active(context.scene.virtual_aperture)
-        message = "No subject is marked; Pick Subject marks one"
-        return may_change(cls, context) and has_solve(cls, context) and is_met(cls, subject, message)
+    poll = polls(may_change, has_solve, has_subject)
 
 
 class WorksOnActive(OfActive, WorksMeanwhile):
     """One that computes something of it first."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        is_idle = not WorksMeanwhile._under_way
-        return is_met(cls, is_idle, "Another subject is being worked on") and super().poll(context)
+    poll = polls(no_other, may_change, has_solve, has_subject)
 
     def work(self, context: bpy.types.Context) -> Callable[[], Any]:
         subject = subjects.active(context.scene.virtual_aperture)
@@ -98,14 +98,7 @@ class VIRTUAL_APERTURE_OT_follow_nearest(WorksMeanwhile, bpy.types.Operator):  #
     bl_options = {"UNDO"}  # noqa: RUF012
     doing = "Finding people in all frames"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        is_idle = not WorksMeanwhile._under_way
-        return (
-            may_change(cls, context)
-            and has_solve(cls, context)
-            and is_met(cls, is_idle, "Another subject is being worked on")
-        )
+    poll = polls(may_change, has_solve, no_other)
 
     def work(self, context: bpy.types.Context) -> Callable[[], Place]:
         shot = shot_of(context.scene)

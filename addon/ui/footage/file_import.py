@@ -62,11 +62,11 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
         if self.sure or not loses_focus(settings, clip):
             return self.solve_meanwhile(context)
         self._is_answer = True
-        answer: Result = context.window_manager.invoke_confirm(
-            self, event, title=f"Replace {settings.clip_name}?",
-            message=f"The focus set for {settings.clip_name} will be lost", confirm_text="Replace",
-        )  # fmt: skip
-        return answer
+        title, message = (
+            f"Replace {settings.clip_name}?",
+            f"The focus set for {settings.clip_name} will be lost",
+        )
+        return operators.asked(self, context, event, title=title, message=message, confirm_text="Replace")
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -112,12 +112,6 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
     filepath: bpy.props.StringProperty(
         name="Model", description="Model file", subtype="FILE_PATH", options={"SKIP_SAVE"}
     )
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if self.again:
-            return self.confirm(context, event)
-        self._asks = True
-        return self.execute(context)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:

@@ -13,7 +13,7 @@ from ...core.sfm.workspace import SolveThereError, check_import, keep_import
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.movieclip import read_movie_clip
 from ...scene.sources.scene_camera import cameras_of, read_scene_camera
-from ..base.operators import Result, has_clip, is_idle, is_met, may_change, polls, refused, reported
+from ..base.operators import Result, asked, has_clip, is_idle, may_change, polls, refused, reported, requires
 from ..jobs import depth_ahead
 from .solve import Solves, build_scene, focus_on_person, report_hidden, solved_words
 
@@ -74,14 +74,18 @@ class Import:
             self.report({"WARNING"}, note)
         return {"FINISHED"}
 
-    def confirm(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+    def invoke(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if not self.again:
+            self._asks = True
+            result: Result = self.begin(context)
+            return result
         settings = context.scene.virtual_aperture
-        folder = work_dir(settings, footage_path(settings))
-        answer: Result = context.window_manager.invoke_confirm(
-            self, event, title="Replace Solve", message=f"{folder} already holds a solve of this clip",
-            confirm_text="Replace",
-        )  # fmt: skip
-        return answer
+        message = f"{work_dir(settings, footage_path(settings))} already holds a solve of this clip"
+        return asked(self, context, event, title="Replace Solve", message=message, confirm_text="Replace")
+
+    def begin(self, context: bpy.types.Context) -> Result:
+        """Import, or first let the user choose a file or camera."""
+        return self.execute(context)
 
 
 def find_points(found: Imported, clip: Path) -> Result:
@@ -142,9 +146,10 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
     poll = polls(may_change, is_idle)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if self.again and self.filepath:
-            return self.confirm(context, event)
-        self._asks = True
+        is_chosen = bool(self.filepath)
+        return super().invoke(context, event) if is_chosen or not self.again else self.begin(context)
+
+    def begin(self, context: bpy.types.Context) -> Result:
         if not self.filepath:
             # A folder, where models of the clip are likely to be.
             settings = context.scene.virtual_aperture
@@ -222,16 +227,13 @@ class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa
         name="Movie Clip", description="Movie clip in this file with a solved camera", items=_clip_items
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        message = "No movie clip in this file is solved; track and solve one in the Movie Clip Editor first"
-        return may_change(cls, context) and has_clip(cls, context) and is_met(cls, solved_clips(), message)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if self.again:
-            return self.confirm(context, event)
-        self._asks = True
-        return self.execute(context)
+    poll = polls(
+        may_change, has_clip,
+        requires(
+            lambda _: solved_clips(),
+            "No movie clip in this file is solved; track and solve one in the Movie Clip Editor first",
+        ),
+    )  # fmt: skip
 
     def read(self, footage: Footage) -> Imported:
         return read_movie_clip(bpy.data.movieclips[self.clip], footage)
@@ -258,20 +260,12 @@ class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa:
         options={"SKIP_SAVE"},
     )  # fmt: skip
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        message = "The scene has no other camera; import or animate one first"
-        return (
-            may_change(cls, context)
-            and is_idle(cls, context)
-            and has_clip(cls, context)
-            and is_met(cls, cameras_of(context.scene), message)
-        )
+    poll = polls(
+        may_change, is_idle, has_clip,
+        requires(lambda c: cameras_of(c.scene), "The scene has no other camera; import or animate one first"),
+    )  # fmt: skip
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if self.again:
-            return self.confirm(context, event)
-        self._asks = True
+    def begin(self, context: bpy.types.Context) -> Result:
         self.camera = self.camera or cameras_of(context.scene)[0].name
         shown: Result = context.window_manager.invoke_props_dialog(self)
         return shown

@@ -6,7 +6,7 @@ from ...core.base.errors import UserError
 from ...scene.base.timeline import go_to
 from ...scene.solve.store import is_ordered
 from ...scene.sources.shot import shot_of
-from ..base.operators import Result, has_solve, is_met, reported
+from ..base.operators import Result, has_solve, polls, reported, requires
 
 _items: list[tuple[str, str, str]] = []
 """Blender keeps no reference to the strings of a list that is made when it is asked for."""
@@ -39,12 +39,10 @@ class VIRTUAL_APERTURE_OT_show_photo(bpy.types.Operator):  # noqa: N801
 
     photo: bpy.props.EnumProperty(name="Photo", description="File name of the photo", items=_photos)
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.virtual_aperture
-        return has_solve(cls, context) and is_met(
-            cls, are_photos(settings), "The clip is not a set of photos"
-        )
+    poll = polls(
+        has_solve,
+        requires(lambda c: are_photos(c.scene.virtual_aperture), "The clip is not a set of photos"),
+    )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         context.window_manager.invoke_search_popup(self)

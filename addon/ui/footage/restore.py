@@ -8,7 +8,7 @@ from ...scene import parts
 from ...scene.build import restore
 from ...scene.sources.clip import footage_path, solved_clip_path, work_dir
 from ...scene.sources.shot import reconstruction_of
-from ..base.operators import Result, is_met, may_change, reported
+from ..base.operators import Result, may_change, polls, reported, requires
 from .solve import build_scene, is_kept
 
 
@@ -19,10 +19,9 @@ class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
     bl_label = "Restore Objects"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        message = "No objects of the solve are missing"
-        return may_change(cls, context) and is_met(cls, parts.missing(context.scene), message)
+    poll = polls(
+        may_change, requires(lambda c: parts.missing(c.scene), "No objects of the solve are missing")
+    )
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:

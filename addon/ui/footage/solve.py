@@ -26,7 +26,7 @@ from ...scene.focus.refocus import keep_focus, restore_focus
 from ...scene.lens import aperture_cloud
 from ...scene.lens.lens import focal_of
 from ...scene.sources.clip import footage_path, work_dir
-from ..base.operators import LOOK, Result, has_clip, is_idle, may_change, polls, reported
+from ..base.operators import LOOK, Result, asked, has_clip, is_idle, may_change, polls, reported
 from ..base.solving import Solving
 from ..jobs import depth_ahead, first_person
 from . import after_solve
@@ -282,9 +282,6 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
         if self.again and not self.sure and is_kept(settings):
             self._asks = True
             folder = work_dir(settings, footage_path(settings))
-            answer: Result = context.window_manager.invoke_confirm(
-                self, event, title=f"Replace the solve in {folder.name}?", message=kept_words(folder),
-                confirm_text="Solve Again",
-            )  # fmt: skip
-            return answer
+            title, message = f"Replace the solve in {folder.name}?", kept_words(folder)
+            return asked(self, context, event, title=title, message=message, confirm_text="Solve Again")
         return reported(VIRTUAL_APERTURE_OT_solve.solve_meanwhile)(self, context)

@@ -18,7 +18,7 @@ from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.colour_space import REC_709, working_space
 from ...scene.sources.shot import reconstruction_of
 from ...scene.sources.subjects import marked_of
-from ..base.operators import has_solve, is_met, reported
+from ..base.operators import has_solve, is_met, polls, reported, requires
 from ..base.text import progress_row
 
 LOOK = 0.5
@@ -191,9 +191,7 @@ class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
     bl_idname = "virtual_aperture.pause_depth"
     bl_label = "Pause"
 
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return is_met(cls, _ahead is not None and _ahead.is_running, "Depth is not being found")
+    poll = polls(requires(lambda _: _ahead is not None and _ahead.is_running, "Depth is not being found"))
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         pause()

@@ -17,7 +17,7 @@ from ...scene.base.remedy_words import WORDS
 from ...scene.lens.lens import frame_options
 from ...scene.sources.clip import footage_path, solved_clip_path, work_dir
 from ...scene.sources.shot import reconstruction_of, shot_of
-from ..base.operators import Result, has_focus, has_solve, is_met, reported, sentence
+from ..base.operators import Result, has_focus, has_solve, polls, reported, requires, sentence
 from ..base.text import progress_row, wrapped
 from . import depth_ahead, movie
 
@@ -128,9 +128,7 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
         name="Overwrite", description="Replace files that exist", options={"SKIP_SAVE"}
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return is_met(cls, under_way() is None, "Files are being exported") and has_solve(cls, context)
+    poll = polls(requires(lambda _: under_way() is None, "Files are being exported"), has_solve)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         if context.scene.virtual_aperture.footage:
@@ -167,9 +165,7 @@ class VIRTUAL_APERTURE_OT_cancel_export(bpy.types.Operator):  # noqa: N801
     bl_idname = "virtual_aperture.cancel_export"
     bl_label = "Cancel Export"
 
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return is_met(cls, under_way() is not None, "Nothing is being exported")
+    poll = polls(requires(lambda _: under_way(), "Nothing is being exported"))
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         unregister()

@@ -20,7 +20,7 @@ from ...render.processes.launcher import start
 from ...scene.base.paths import absolute
 from ...scene.base.timeline import clip_frame
 from ...scene.sources.clip import footage_path
-from ..base.operators import is_met
+from ..base.operators import polls, requires
 from ..base.text import progress_row
 
 ENDING = "_render"
@@ -132,9 +132,7 @@ class VIRTUAL_APERTURE_OT_cancel_movie(bpy.types.Operator):  # noqa: N801
     bl_idname = "virtual_aperture.cancel_movie"
     bl_label = "Cancel Movie"
 
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return is_met(cls, under_way() is not None, "No movie is being rendered")
+    poll = polls(requires(lambda _: under_way(), "No movie is being rendered"))
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         unregister()

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from ..base.operators import Result, is_met
+from ..base.operators import Result, asked, polls, requires
 from ..base.text import left_words
 from . import export, movie
 
@@ -30,19 +30,16 @@ class VIRTUAL_APERTURE_OT_close_blender(bpy.types.Operator):  # noqa: N801
     bl_label = "Close Blender"
     bl_options = {"INTERNAL"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return is_met(cls, work() is not None, "Nothing is being rendered or exported")
+    poll = polls(requires(lambda _: work(), "Nothing is being rendered or exported"))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         made = work()
         assert made is not None
         words = filter(None, (made.words, left_words(made.left), "Finished files are kept"))
-        answer: Result = context.window_manager.invoke_confirm(
-            self, event, title=f"Close Blender and end {made.name}?", message=". ".join(words),
+        return asked(
+            self, context, event, title=f"Close Blender and end {made.name}?", message=". ".join(words),
             confirm_text="Close Blender", icon="WARNING",
         )  # fmt: skip
-        return answer
 
     def execute(self, _context: bpy.types.Context) -> Result:
         bpy.ops.wm.quit_blender("INVOKE_DEFAULT")

@@ -16,6 +16,7 @@ from ..base.operators import (
     LOOK,
     NO_CAMERA,
     Result,
+    asked,
     has_focus,
     has_solve,
     is_met,
@@ -23,6 +24,7 @@ from ..base.operators import (
     polls,
     refused,
     reported,
+    requires,
 )
 from . import depth_ahead, movie
 
@@ -113,10 +115,7 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
     _timer: bpy.types.Timer | None = None
     _depth: Any = None
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        is_free = is_met(cls, movie.under_way() is None, "A movie is being rendered")
-        return is_free and can_render(cls, context)
+    poll = polls(requires(lambda _: movie.under_way() is None, "A movie is being rendered"), can_render)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if bpy.app.background or context.scene.virtual_aperture.render_as == "FRAMES":
@@ -124,10 +123,8 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
         out = movie.movie_path(context.scene)
         if out.is_file() and not self.overwrite:
             self._asks = True
-            answer: Result = context.window_manager.invoke_confirm(
-                self, event, title=f"Replace {out.name}?", message=str(out.parent), confirm_text="Replace"
-            )
-            return answer
+            title, message = f"Replace {out.name}?", str(out.parent)
+            return asked(self, context, event, title=title, message=message, confirm_text="Replace")
         return reported(VIRTUAL_APERTURE_OT_render_clip._meanwhile)(self, context)
 
     def execute(self, context: bpy.types.Context) -> Result:

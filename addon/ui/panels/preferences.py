@@ -13,7 +13,7 @@ from ...core.base.store import delete_kept, kept_size
 from ...scene.base import preferences
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.shot import KEPT_DEPTH
-from ..base.operators import Result, has_clip, is_met, reported
+from ..base.operators import Result, asked, has_clip, polls, reported, requires
 from ..jobs import depth_ahead
 
 LOOK_AGAIN = 3.0
@@ -69,20 +69,16 @@ class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
     bl_idname = "virtual_aperture.delete_depth"
     bl_label = "Delete Kept Depth"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.virtual_aperture
-        return has_clip(cls, context) and is_met(cls, shown_size(settings), "No depth is kept for this clip")
+    poll = polls(
+        has_clip,
+        requires(lambda c: shown_size(c.scene.virtual_aperture), "No depth is kept for this clip"),
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         folder = depth_folder(context.scene.virtual_aperture)
-        answer: Result = context.window_manager.invoke_confirm(
-            self, event, title="Delete kept depth?",
-            message=f"{size_words(kept_size(folder))} in {folder}; finding it again takes as long as the"
-            " first time",
-            confirm_text="Delete",
-        )  # fmt: skip
-        return answer
+        size = size_words(kept_size(folder))
+        message = f"{size} in {folder}; finding it again takes as long as the first time"
+        return asked(self, context, event, title="Delete kept depth?", message=message, confirm_text="Delete")
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:

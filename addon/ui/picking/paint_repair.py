@@ -12,7 +12,7 @@ from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
 from ...scene.lens import repairs
 from ...scene.sources.shot import reconstruction_of
-from ..base.operators import Result, is_met, may_change, reported
+from ..base.operators import Result, may_change, polls, reported, requires
 from .pick_in_view import PicksInView
 from .pick_view import Overlay
 
@@ -148,10 +148,10 @@ class VIRTUAL_APERTURE_OT_remove_repair(bpy.types.Operator):  # noqa: N801
     bl_label = "Remove Repair"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        there = len(context.scene.virtual_aperture.repairs.items)
-        return may_change(cls, context) and is_met(cls, there, "Nothing has been repaired")
+    poll = polls(
+        may_change,
+        requires(lambda c: len(c.scene.virtual_aperture.repairs.items), "Nothing has been repaired"),
+    )
 
     def execute(self, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture

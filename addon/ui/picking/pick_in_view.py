@@ -11,7 +11,7 @@ from ...render.processes.clip_process import CLIP
 from ...scene.base.remedy_words import WORDS
 from ...scene.base.timeline import clip_frame
 from ...scene.sources.shot import Shot, shot_of
-from ..base.operators import Result, has_solve, is_met, may_change, reported, sentence
+from ..base.operators import Result, has_solve, may_change, polls, reported, requires, sentence
 from ..base.work import Work
 from .pick_view import XY, CameraView, Overlay
 
@@ -51,10 +51,10 @@ class PicksInView:
         """Undo the last step of the operator, if it has one."""
         raise NotImplementedError
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        is_idle = is_met(cls, not PicksInView._running, "Something is being picked in the camera view")
-        return is_idle and may_change(cls, context) and has_solve(cls, context)
+    poll = polls(
+        requires(lambda _: not PicksInView._running, "Something is being picked in the camera view"),
+        may_change, has_solve,
+    )  # fmt: skip
 
     def invoke(self: Any, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         result: Result = self.execute(context) if bpy.app.background else self._begin(context)

@@ -16,7 +16,7 @@ from ...scene.lens.depth_of_field import length_words
 from ...scene.solve.point_cloud import ID_ATTRIBUTE
 from ...scene.sources import subjects
 from ...scene.sources.shot import reconstruction_of
-from ..base.operators import Result, has_points, reported
+from ..base.operators import Result, has_points, polls, reported
 
 
 def focus_on(
@@ -57,9 +57,7 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
     bl_label = "Set Focus from Selected Vertices"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return has_points(cls, context, "vertices")
+    poll = polls(has_points)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
