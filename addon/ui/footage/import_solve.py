@@ -146,8 +146,9 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
     poll = polls(may_change, is_idle)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        is_chosen = bool(self.filepath)
-        return super().invoke(context, event) if is_chosen or not self.again else self.begin(context)
+        if self.again and not self.filepath:
+            return self.begin(context)
+        return super().invoke(context, event)
 
     def begin(self, context: bpy.types.Context) -> Result:
         if not self.filepath:
