@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import cv2
 import numpy as np
 import pytest
@@ -80,6 +82,51 @@ def test_a_very_bright_lamp_is_not_made_too_bright(radiance: float) -> None:
     stored = recorded(light)
     found = over_ground(restored(stored))
     assert 3 * over_ground(to_linear(stored)) < found < 1.5 * over_ground(light)
+
+
+def enlarged(scene: Map, times: int, optics: float, grain: float = 0.0) -> LinearRGB:
+    """(H, W, 3) of a scene (finer H, finer W, c) in a picture of `times` `SIZE`, through optics in pixels."""
+    finer = scene.shape[1] // (times * SIZE[0])
+    size = times * SIZE[0], times * SIZE[1]
+    light = cv2.resize(cv2.GaussianBlur(scene, (0, 0), optics * finer), size, interpolation=cv2.INTER_AREA)
+    noise = np.random.default_rng(2).standard_normal((*light.shape[:2], 1))
+    return np.asarray(light.reshape(*light.shape[:2], -1) * (1 + grain * noise) * np.ones(3), np.float32)
+
+
+def lamps_at_night() -> Map:
+    """24 lamps of 6 times white on black, and a chart of unclipped squares, 12 samples a pixel of `SIZE`."""
+    rng, wide = np.random.default_rng(0), np.full((12 * SIZE[1], 12 * SIZE[0], 3), 0.05, np.float32)
+    wide[1800:2088, 2760:3720] = np.kron(0.8 * rng.random((6, 20, 1)), np.ones((48, 48, 1)))
+    for n in range(24):
+        x, y = 12 * (np.array([25 + 45 * (n % 7), 20 + 35 * (n // 7)]) + rng.uniform(-5, 5, 2))
+        cv2.circle(wide, (round(x), round(y)), round(12 * rng.uniform(1.2, 3)), (6.0, 3.6, 1.5), -1)
+    return wide
+
+
+@pytest.mark.parametrize("optics", [0.3, 0.9])
+def test_lamps_get_as_much_light_in_a_picture_three_times_as_large(optics: float) -> None:
+    """By a larger sensor, and as an enlargement, whose point spread is three times as wide."""
+    scene, shares = lamps_at_night(), []
+    for times, spread in ((1, 0.3), (3, optics)):
+        light = enlarged(scene, times, spread)
+        shares.append(over_ground(restored(recorded(light))) / over_ground(light))
+    print(f"{shares[0]:.3f} and {shares[1]:.3f}")
+    assert shares[1] == pytest.approx(shares[0], rel=0.1)
+
+
+@pytest.mark.parametrize(("times", "optics"), [(1, 0.3), (3, 0.3), (3, 0.9), (6, 0.3)])
+def test_a_printed_sheet_that_grain_clips_in_part_stays_as_it_is(times: int, optics: float) -> None:
+    rng, wide = np.random.default_rng(5), np.full((24 * SIZE[1], 24 * SIZE[0]), 0.25, np.float32)
+    wide[1440:2400, 3360:4080] = 1.0
+    for top, left in itertools.product(range(1512, 2328, 72), (3408, 3744)):
+        for x in range(left, left + 240, 48):
+            wide[top : top + 29, x : x + int(rng.integers(12, 40))] = 0.15
+    # As soft as print.
+    wide = cv2.GaussianBlur(wide, (0, 0), 3.6)
+    stored = recorded(enlarged(wide, times, optics, grain=0.03))
+    before = to_linear(stored)[..., :3]
+    assert (before >= THRESHOLD).mean() > 0.003
+    np.testing.assert_array_equal(restored(stored), before)
 
 
 def test_only_clipped_channels_of_clipped_pixels_change() -> None:

@@ -28,9 +28,9 @@ SPREAD = 0.42
 """Default point spread: standard deviation in pixels. Larger than the true one makes lamps too bright."""
 SPREADS = (0.38, 1.5)
 """Bounds of the point spread."""
-THICKNESS = 0.02
-"""Share of the long side up to which a blob has a light source's thickness; from twice as much on it is a
-sky's, wall's or window's. Chosen by inspection."""
+SIZE = 0.02
+"""Root of a blob's area as a share of the long side up to which it may be a light source; from twice as much
+on it is a sky, wall, window or sheet of paper. Chosen by inspection."""
 LENGTH = 0.1
 """The same for a blob's length. Chosen by inspection."""
 AMONG = (0.0, 0.25)
@@ -126,7 +126,7 @@ def clipped_blobs(picture: LinearRGBA, threshold: float) -> Blobs:
     if not (peak >= threshold).any():
         return Blobs(np.zeros((0, 2)), np.zeros(0), np.zeros(0), SPREAD, 1.0, ())
     _, label, stats, centres = cv2.connectedComponentsWithStats(clipped.astype(np.uint8), connectivity=8)
-    weight = _weights(peak, clipped, label, stats, centres, threshold)
+    weight = _weights(peak, clipped, label, stats, threshold)
     numbers = np.flatnonzero(weight > 0)
     # In the order of their area, the largest first.
     numbers = np.sort(numbers[np.argsort(-stats[numbers, cv2.CC_STAT_AREA], kind="stable")[:MOST]])
@@ -150,28 +150,28 @@ def clipped_blobs(picture: LinearRGBA, threshold: float) -> Blobs:
     return Blobs(centre, stats[kept, cv2.CC_STAT_AREA].astype(np.float64), sure[kept], spread, white, patches)
 
 
-def _weights(peak: Map, clipped: Mask, label: Ints, stats: Ints, centres: Floats, threshold: float) -> Floats:
+def _weights(peak: Map, clipped: Mask, label: Ints, stats: Ints, threshold: float) -> Floats:
     """Return the (n,) confidence of components as light sources, without regard to their background."""
     long_side = max(peak.shape)
     row, column = np.nonzero(clipped)
     of, count = label[row, column], len(stats)
-    inner = cv2.distanceTransform(np.pad(clipped.astype(np.uint8), 1), cv2.DIST_L2, 5)
-    thickness = np.zeros(count, np.float32)
-    np.maximum.at(thickness, of, 2 * inner[row + 1, column + 1])
     value = np.minimum(peak[row, column], 1)
     most = value >= threshold
     full = np.bincount(of, most, count)
     level = np.bincount(of, np.where(most, value, 0), count) / np.maximum(full, 1)
-    is_large = thickness > 2 * THICKNESS * long_side
-    among = np.zeros(count, np.float32)
+    # Not by its thickness: print and grain perforate paper.
+    size = np.sqrt(stats[:, cv2.CC_STAT_AREA]) / long_side
+    is_large = size > 2 * SIZE
+    is_large[0] = False
+    among = np.zeros(count)
     if is_large.any():
         reach = 2 * round(AROUND * long_side) + 1
         around = cv2.boxFilter(is_large[label].astype(np.float32), -1, (reach, reach))
-        among = around[tuple(np.clip(centres.astype(int), 0, None).T[::-1])]
+        among = np.bincount(of, around[row, column], count) / np.maximum(stats[:, cv2.CC_STAT_AREA], 1)
     length = stats[:, cv2.CC_STAT_WIDTH : cv2.CC_STAT_HEIGHT + 1].max(axis=1)
     flat = (min(threshold + each, 1 - 1e-3 / (1 + n)) for n, each in enumerate(FLAT))
     weight = (
-        _falling(thickness / long_side, THICKNESS, 2 * THICKNESS)
+        _falling(size, SIZE, 2 * SIZE)
         * _falling(length / long_side, LENGTH, 2 * LENGTH)
         * _falling(among, *AMONG)
         * (1 - _falling(level, *flat))
