@@ -97,7 +97,7 @@ def test_tracks_on_a_person_are_left_out_and_progress_is_told(tmp_path: Path) ->
     steps = list[tuple[str, int, int]]()
     left = without_people(given, clip, lambda *step: steps.append(step))
     assert left is not None and np.unique(left.track).tolist() == [1] and len(left.xy) == 6
-    assert {stage for stage, _, _ in steps} == {"Reading pictures", "Looking for people"}
+    assert {stage for stage, _, _ in steps} == {"Looking for people"}
     assert all(0 <= done <= total == 6 for _, done, total in steps)
 
 

@@ -51,7 +51,6 @@ SHARES = {
     "Finding how the camera turns": (0.8, 0.93),
     "Registering frames": (0.8, 0.82),
     "Adjusting": (0.82, 0.93),
-    "Reading pictures": (0.93, 0.93),
     "Looking for people": (0.93, 0.93),
     "Looking for points": (0.93, 1.0),
 }

@@ -49,11 +49,8 @@ def people(networks: Networks, picture: Bytes) -> list[Person]:
         The people, the surest first.
     """
     found = list[Person]()
-    for detected in networks.poses(picture, PERSON):
-        share, presence = networks.body(picture, Region.of(detected))
+    for share in bodies(networks, picture):
         mask = share > 0.5
-        if presence < PRESENCE or mask.mean() < SMALLEST:
-            continue
         figure = touching(silhouette(networks, picture, Box.around(mask, CROP)) > 0, mask)
         agreement = overlap(figure, mask)
         if agreement >= AGREEMENT and all(overlap(mask, each.mask) < 0.5 for each in found):
@@ -61,9 +58,15 @@ def people(networks: Networks, picture: Bytes) -> list[Person]:
     return sorted(found, key=lambda person: -person.agreement)
 
 
-def sampled(frames: Sequence[int]) -> list[int]:
-    """Return the frames of a clip in which people are looked for."""
-    return sorted({frames[round(at)] for at in np.linspace(0, len(frames) - 1, SAMPLED)})
+def bodies(networks: Networks, picture: Bytes) -> list[Map]:
+    """Return the probability (h, w) of each detected body, of one network alone; arguments as of `people`."""
+    found = (networks.body(picture, Region.of(each)) for each in networks.poses(picture, PERSON))
+    return [share for share, there in found if there >= PRESENCE and (share > 0.5).mean() >= SMALLEST]
+
+
+def sampled(frames: Sequence[int], count: int = SAMPLED) -> list[int]:
+    """Return `count` frames of a clip at most, at even steps, in which people are looked for."""
+    return sorted({frames[round(at)] for at in np.linspace(0, len(frames) - 1, count)})
 
 
 def overlap_of(person: Mask, subject: Mask) -> float:
