@@ -10,7 +10,7 @@ mapping and image warping", 1989.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import pairwise
+from itertools import compress, pairwise
 
 import cv2
 import numpy as np
@@ -49,6 +49,7 @@ def _levels() -> tuple[Level, ...]:
 
 
 LEVELS = _levels()
+RADII = np.array([level.radius for level in LEVELS], np.float32)
 
 
 def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: Callable[[Map], Map]) -> None:
@@ -134,14 +135,14 @@ def _tile(
 ) -> bool:
     """Blur one tile into `result`, with the arguments of `_filter`; returns False if it is unchanged."""
     own = radius[tuple(slice(n // finer, (n + TILE) // finer) for n in place)]
-    widest, least = (min(finer * float(n), WIDEST) for n in (own.max(), own.min()))
-    if widest == 0:
+    if not own.any():
         return False
     checkpoint(0.95)
     own = np.minimum(finer * repeated(own, finer), WIDEST)
-    radii = [level.radius for level in LEVELS]
-    first = min(int(np.searchsorted(radii, least, "right")) - 1, len(LEVELS) - 2)
-    used = LEVELS[first : max(int(np.searchsorted(radii, widest)), first + 1) + 1]
+    # A radius is interpolated between the levels beside it, so others are not blurred.
+    interval = np.searchsorted(RADII, own[own > 0]) - 1
+    has = np.bincount(interval, minlength=len(LEVELS)) > 0
+    used = list(compress(LEVELS, has | np.roll(has, 1)))
     # Cells of the coarsest raster in use, past the widest disc and the taps of interpolation.
     step = used[-1].shrink
     margin = step * int(np.ceil(used[-1].radius / step) + 2)
@@ -157,8 +158,8 @@ def _tile(
         more = _blurred(around, level)[inner] - tile
         more *= cv2.merge([np.clip(share, 0, 1, out=share)] * 4)
         tile += more
-    if least == 0:
-        sharp = own == 0
+    sharp = own == 0
+    if sharp.any():
         tile[sharp] = part[rows, columns][sharp]
     return True
 
