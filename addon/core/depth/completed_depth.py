@@ -11,28 +11,24 @@ import numpy as np
 
 from ..base.arrays import LinearRGBA, Map
 from ..camera.canvas import Canvas
-from .map_fusion import LEVELS, SAME_SURFACE, SURE, level_of, sharpened
+from .map_fusion import SAME_SURFACE, SURE, level_of, sharpened
 from .multi_view_stereo import DenseDepth
 from .source import NO_PICTURE, DepthSource, PixelDepth
 from .source import SURE as UNSURE
 from .sparse import DepthSamples
 from .stereo_depth import ORIGIN, StereoDepth, whole_depth
 
-# Chosen by inspection, and checked with `python -m benchmarks.accuracy.completed`.
-REACHES = (0.02, 0.06, 0.2, 0.6)
-"""Standard deviations of the windows in which scale and shift are fitted, as shares of the long side."""
+REACHES = (0.6, 0.06)
+"""Standard deviations of the windows in which a map is shifted, as shares of the long side. Chosen by
+inspection, and checked with `python -m benchmarks.special completed`."""
 SPARSE = 0.02
-"""Sure share of a window at which its fit has half of its weight. Chosen by inspection."""
+"""Sure share of a window at which its shift has half of its weight. Chosen by inspection."""
 GRID = 4
-"""Pixels that a window's sums are made at: the smallest window has three times as many."""
-BEND = 0.1
-"""Deviation, as a share of the range of inverse depths, at which a window has a slope by itself."""
-EXTRAPOLATED = 2.0
-"""Deviations from a window's mean beyond which its slope is not used. Chosen by inspection."""
+"""Pixels that a window's sums are made at: the smallest window has several times as many."""
 MISS = 3.0
 """Levels from the map at which sure depth loses half of its weight."""
 ROUNDS = 4
-"""Fits, each with the weights of the one before."""
+"""Shifts, each with the weights of the one before."""
 SOFT = 0.008
 """Share of the long side by which a map's edges are soft."""
 SHARP = 0.7
@@ -40,37 +36,25 @@ SHARP = 0.7
 `benchmarks/accuracy/network_depth.py` have 0.3, a rendered map 1. Chosen by inspection."""
 AROUND = 0.02
 """Standard deviation of the surroundings of a pixel, as a share of the long side."""
-DENSE = 0.5
-"""Share of sure depth around from which on edges are stereo's. Chosen by inspection."""
 BELIEVED = (0.5, 0.9)
 """Shares of sure depth around below which depth that contradicts the map is none, and from which on it is
 believed: of a phone's room, 0.1 to 0.6 around what is wrong and 0.5 to 1 around what is right; of the
 bench's scenes 0.7 to 1."""
 CONTRADICTION = 5.0
 """Levels between map and stereo at which most of a contradiction is real. Chosen by inspection."""
-EDGE = 4.0
-"""Levels within this reach at which a map has an edge and is not used."""
 
 
-def tied(inverse: Map, sure: Map, given: Map, level: float) -> tuple[Map, Map]:
-    """Fit a map to sure depth, with scale and shift in windows of several sizes.
+def tied(inverse: Map, sure: Map, given: Map, level: float) -> Map:
+    """Return a map's inverse depth (h, w), shifted to sure depth around each pixel.
 
     `inverse` (h, w) has the weights `sure` (h, w) in [0, 1], `given` (h, w) is the map's inverse depth, and
-    `level` a hardly visible step. Return the fitted map (h, w), and its weight (h, w) in [0, 1], which is low
-    beside its soft edges.
+    `level` a hardly visible step.
     """
-    around = 2 * _softness(given) + 1
-    kernel = np.ones((around, around), np.uint8)
-    steep = cv2.dilate(given, kernel) - cv2.erode(given, kernel)
-    trust = np.exp(-((steep / (EDGE * level)) ** 2)).astype(np.float32)
-    middle = float(np.median(given))
-    shape = (given - np.float32(middle)) / np.float32(BEND * LEVELS * level)
-    weight, off = sure * trust, inverse - given
-    change = np.zeros_like(given)
+    off, change = inverse - given, np.zeros_like(given)
     for _ in range(ROUNDS):
         near = 1 / (1 + ((off - change) / (MISS * level)) ** 2)
-        change = _fitted(shape, off, weight * (near * near).astype(np.float32))
-    return stepped(np.maximum(given + change, 0).astype(np.float32), level), trust
+        change = _shift(off, sure * (near * near).astype(np.float32))
+    return stepped(np.maximum(given + change, 0).astype(np.float32), level)
 
 
 def stepped(given: Map, level: float) -> Map:
@@ -96,37 +80,18 @@ def _softness(given: Map) -> int:
     return max(int(SOFT * max(given.shape)), 1)
 
 
-def _fitted(shape: Map, off: Map, weight: Map) -> Map:
-    """`off` (h, w) as slope and offset over `shape` (h, w), by least squares in windows.
-
-    Each size fits the residual of the larger ones, with less weight for fewer known pixels.
-    """
-    size = max(shape.shape[1] // GRID, 1), max(shape.shape[0] // GRID, 1)
-    small, left, weight = (
-        cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (shape, off * weight, weight)
-    )
-    left = left / np.maximum(weight, np.float32(1e-6))
+def _shift(off: Map, weight: Map) -> Map:
+    """(h, w) weighted mean of `off` in windows; smaller ones have what larger ones leave."""
+    size = max(off.shape[1] // GRID, 1), max(off.shape[0] // GRID, 1)
+    small, weight = (cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (off * weight, weight))
     found = np.zeros_like(small)
-    whole = np.zeros_like(shape)
-    for reach in sorted(REACHES, reverse=True):
-        sigma = reach * max(size)
-        one, mean, square, value, both = (
-            cv2.GaussianBlur(weight * part, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
-            for part in (np.ones_like(small), small, small * small, left - found, small * (left - found))
+    for reach in REACHES:
+        left, known = (
+            cv2.GaussianBlur(part, (0, 0), reach * max(size), borderType=cv2.BORDER_REFLECT)
+            for part in (small - weight * found, weight)
         )
-        one = np.maximum(one, np.float32(1e-9))
-        mean, value = mean / one, value / one
-        spread = np.maximum(square / one - mean * mean, 0)
-        shrunk = one / (one + np.float32(SPARSE))
-        slope = shrunk * (both / one - mean * value) / (spread + 1)
-        parts = shrunk * value, slope, mean, EXTRAPOLATED * np.sqrt(spread)
-        found = found + _line(small, *parts)
-        whole += _line(shape, *(cv2.resize(part, shape.shape[::-1]) for part in parts))
-    return whole
-
-
-def _line(shape: Map, value: Map, slope: Map, mean: Map, reach: Map) -> Map:
-    return np.asarray(value + slope * np.clip(shape - mean, -reach, reach), np.float32)
+        found = found + left / (known + np.float32(SPARSE))
+    return np.asarray(cv2.resize(found, off.shape[::-1]), np.float32)
 
 
 def completed(depth: DenseDepth, given: Map) -> DenseDepth:
@@ -141,11 +106,10 @@ def completed(depth: DenseDepth, given: Map) -> DenseDepth:
     around = cv2.GaussianBlur(own, (0, 0), AROUND * max(own.shape))
     low, high = BELIEVED
     dense = np.clip((around - low) / (high - low), 0, 1)
-    shape, trust = tied(inverse, own * dense, given, level)
+    shape = tied(inverse, own * dense, given, level)
     contradicts = 1 - np.exp(-(((shape - inverse) / (CONTRADICTION * level)) ** 2))
     own = (own * (1 - contradicts * (1 - dense))).astype(np.float32)
-    # Amid what is sure an edge is known better from that.
-    share = np.maximum(trust, 1 - np.minimum(around / DENSE, 1)) * (1 - own)
+    share = 1 - own
     # Depths too far apart are two surfaces', and a pixel gets one of them.
     apart = np.abs(shape - inverse) > SAME_SURFACE * level
     share = np.where(apart, share > 0.5, share).astype(np.float32)
