@@ -91,7 +91,8 @@ def test_scores_are_in_the_order_that_must_be(rows: dict[tuple[str, int], Row]) 
     score = {name: row.psnr for (name, _), row in rows.items()}
     assert score["no blur"] == min(score.values())
     assert score["oracle"] == max(score.values())
-    assert score["dense mesh"] > score["features"]
+    # One surface, however fine, has nothing behind its edges.
+    assert score["layers"] > max(score["dense mesh"], score["features"])
 
 
 def test_the_same_mesh_through_cycles_scores_alike(tiny: Tiny) -> None:
