@@ -88,9 +88,8 @@ def test_the_core_never_imports_blender_nor_anything_above_it() -> None:
 
 
 def test_only_the_list_of_meshers_knows_the_thesis() -> None:
-    room = ("addon", "core", "frame", "meshers", "thesis")
-    others = [path for path in ADDON.rglob("*.py") if path.parent.relative_to(ROOT).parts != room]
-    users = {path for path in others for module in imports(path) if module[: len(room)] == room}
+    thesis = ("addon", "core", "frame", "meshers", "thesis")
+    users = {path for path in ADDON.rglob("*.py") if any(module[:5] == thesis for module in imports(path))}
     assert users == {ADDON / "core/frame/meshers/__init__.py"}
 
 

@@ -19,7 +19,10 @@ def _on_save(*_: object) -> None:
 
 def _on_load(*_: object) -> None:
     for scene in bpy.data.scenes:
-        from_1_0.take_over(scene.virtual_aperture)
+        settings = scene.virtual_aperture
+        from_1_0.take_over(settings)
+        # Version 1.0 had two more.
+        settings.method = settings.method or "features"
 
 
 def _on_import(imported: bpy.types.BlendImportContext) -> None:

@@ -188,8 +188,6 @@ METHODS = {
         known_fill, (256,), (*PRODUCT, "benchmarks/accuracy/oracle.py"), ("T1",), with_layers
     ),
     "features": Method(partial(by_mesher, "features"), (16, 64), PRODUCT),
-    "grid": Method(partial(by_mesher, "grid"), (64,), PRODUCT),
-    "edges": Method(partial(by_mesher, "edges"), (64,), PRODUCT),
     "dense mesh": Method(dense, (64,), PRODUCT, ("T1",), depth=NORMAL),
     "Cycles": Method(cycles, (16,), PRODUCT),
     "Cycles, our mesh": Method(cycles_layers, (16,), PRODUCT, depth=NORMAL),

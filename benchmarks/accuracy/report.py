@@ -44,7 +44,7 @@ OURS, VARIANTS, BLENDER = "#D55E00", "#B07800", "#0072B2"
 STYLES = {
     "no blur": ("0.4", "x"), "thesis": ("black", "v"), "layers": (OURS, "o"), "draft": (OURS, "*"),
     "normal": (OURS, "*"), "final": (OURS, "*"), "known fill": (OURS, "."),
-    "features": (VARIANTS, "v"), "grid": (VARIANTS, "<"), "edges": (VARIANTS, ">"),
+    "features": (VARIANTS, "v"),
     "dense mesh": (VARIANTS, "s"), "Cycles": (BLENDER, "D"),
     "Cycles, our mesh": (BLENDER, "d"), "Defocus": (BLENDER, "P"),
     "scatter": ("#A0508A", "X"), "oracle": ("#00775A", "^"),

@@ -12,7 +12,7 @@ from addon.core.base.arrays import Floats
 from addon.core.depth.sparse import frame_features
 from addon.core.focus.focus import Focus, radius_for_blur
 from addon.core.frame.frame_path import mesh_frame
-from addon.core.frame.meshers.thesis.thesis import fitted_registration
+from addon.core.frame.meshers.thesis import fitted_registration
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.optics.registration import exact_registration

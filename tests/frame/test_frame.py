@@ -79,12 +79,12 @@ def test_layers_are_the_default(borrow: bool) -> None:
     assert made.depth_seconds > 0 and made.mesh_seconds > 0
 
 
-def test_where_hardly_anything_is_sure_one_grid_is_drawn_and_the_reason_given() -> None:
+def test_where_hardly_anything_is_sure_features_are_drawn_and_the_reason_given() -> None:
     made, _ = warped(sure_in(0.5 * FEWEST_SURE))
-    assert made.method == "grid" and f"less than {100 * FEWEST_SURE:g}%" in made.why
+    assert made.method == "features" and f"less than {100 * FEWEST_SURE:g}%" in made.why
     assert not made.layers and made.depth is not None
-    chosen, _ = warped(sure_in(1.0), method="grid")
-    assert (chosen.method, chosen.why) == ("grid", "")
+    chosen, _ = warped(sure_in(1.0), method="features")
+    assert (chosen.method, chosen.why) == ("features", "")
     np.testing.assert_array_equal(made.plan.mesh.xy, chosen.plan.mesh.xy)
     np.testing.assert_array_equal(made.plan.mesh.inverse_depth, chosen.plan.mesh.inverse_depth)
     np.testing.assert_array_equal(made.texture, chosen.texture)
@@ -101,7 +101,7 @@ def test_discs_that_leave_nothing_take_the_features_and_say_so() -> None:
     np.testing.assert_array_equal(made.plan.mesh.triangles, chosen.plan.mesh.triangles)
 
 
-@pytest.mark.parametrize("method", ["features", "thesis", "grid", "edges"])
+@pytest.mark.parametrize("method", ["features", "thesis"])
 def test_a_method_that_is_asked_for_is_used(method: str) -> None:
     picks = Focus(points=(3, 9, 30, 60))
     lens = FrameOptions(picks, 0.5, 8, method)
@@ -110,18 +110,3 @@ def test_a_method_that_is_asked_for_is_used(method: str) -> None:
     assert (made.method, made.why) == (method, "")
     assert not made.layers and not depth.requested
     np.testing.assert_array_equal(made.texture, SOURCE)
-
-
-def test_edges_follow_the_picture() -> None:
-    """The sides of triangles lie along a line that the features know nothing of."""
-    picture = np.full((90, 160, 4), 0.05, np.float32)
-    picture[..., 3] = 1
-    picture[:, 90:, :3] = 0.8
-    depth = ByHand(sure_in(0))
-    lens = FrameOptions(Focus(distance=FOCUS), 3.0, 8, "edges")
-    plane = clip(depth, 4.0, 30.0)
-    along = mesh_frame(plane, 2, lens, SIZE, picture).warped.plan.mesh
-    flat = mesh_frame(plane, 2, lens, SIZE, np.full_like(picture, 0.3)).warped.plan.mesh
-    close = [int((np.abs(mesh.xy[:, 0] - 90) < 2).sum()) for mesh in (along, flat)]
-    print(f"vertices within two pixels of the edge: {close[0]}, without the edge {close[1]}")
-    assert close[0] > close[1] + 5

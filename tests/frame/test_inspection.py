@@ -155,7 +155,7 @@ def plane(camera: Intrinsics = PLAIN) -> ClipContext:
     return ClipContext(slanted_plane(camera), no_picture)
 
 
-@pytest.mark.parametrize("method", ["features", "thesis", "grid", "edges"])
+@pytest.mark.parametrize("method", ["features", "thesis"])
 def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> None:
     source = to_linear(texture(160, 90))
     lens = FrameOptions(Focus(points=(3, 9, 30, 60)), 0.5, 24, method)
@@ -277,11 +277,11 @@ def test_the_report_is_that_of_the_mesh() -> None:
 def test_a_run_in_one_line() -> None:
     report = frame_report(disc_and_wall(), np.zeros((*SIZE, 3), np.float32), 0.0)
     used = [Used(n, "layers", "as chosen") for n in range(1, 8)] + [
-        Used(n, "grid", "little is sure") for n in (8, 9, 12)
+        Used(n, "features", "little is sure") for n in (8, 9, 12)
     ]
     text = summary(used, [replace(report, own=80.0, borrowed=15.0, inpainted=5.0)] * 3)
     assert "7 frames drawn by layers: as chosen" in text
-    assert "3 frames (8-9, 12) drawn by grid: little is sure" in text
+    assert "3 frames (8-9, 12) drawn by features: little is sure" in text
     assert "80.0%" in text and "15.0%" in text and "5.0%" in text and "nothing" not in text
     assert summary([]) == ""
 

@@ -186,14 +186,6 @@ def test_pictures_that_blender_cannot_render_are_refused(
         build(scene, footage, slanted_plane(camera))
 
 
-def test_a_grid_over_a_tower_is_no_endless_one(tmp_path: Path, scene: bpy.types.Scene) -> None:
-    camera = Intrinsics(16, 3000, 2500.0, 2500.0, 8.0, 1500.0)
-    clip, work = write_frames(tmp_path / "clip", camera), tmp_path / "work"
-    keep(clip, work, camera)
-    options = [*LENS_OPTIONS[:-3], "grid", "--views", 4]
-    assert run("render", work, *options, "--frames", 1, "--out", tmp_path / "o" / "####.png") == 0
-
-
 def test_masks_and_depth_maps_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     clip = open_footage(write_frames(tmp_path / "clip", LENS))
     masks = open_masks(write_frames(tmp_path / "masks", LENS), clip)

@@ -31,6 +31,8 @@ def lost(before: Any, now: Any, path: str = "") -> list[str]:
 def taken_over(before: Any) -> tuple[Any, ...]:
     """Take what marks have taken over out of the values of 1.0.0; the place of its mark."""
     settings, enums = before["values"]["scene"], before["enums"]["scene"]
+    # Two methods are gone since.
+    assert (enums["method"].pop("grid"), enums["method"].pop("edges")) == (3, 4)
     # A mark that holds its distance was in focus.
     assert settings.pop("focus_by") == "DISTANCE" and enums.pop("focus_by")
     del settings["focus_points"], settings["focus_frame"]
@@ -80,3 +82,15 @@ def test_what_is_lost_is_found() -> None:
     assert lost(before, {"a": [{"b": 1, "c": [1.0, 2.0], "e": 5}], "d": {"X": 0, "Y": 1}}) == []
     assert lost(before, {"a": [{"b": 2, "c": [1.0, 2.0]}], "d": {"X": 1}}) == [".a.b: 1 is 2", ".d.X: 0 is 1"]
     assert lost(before, {"d": {"Y": 0}}) == [".a", ".d.X: 0 is None"]
+
+
+@pytest.mark.parametrize("number", [3, 4], ids=["grid", "edges"])
+def test_a_method_that_is_gone_becomes_the_one_most_like_it(
+    registered: None, tmp_path: Path, number: int
+) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True)
+    stored: Any = bpy.context.scene.virtual_aperture.bl_system_properties_get(do_create=True)
+    stored["method"] = number
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+    assert bpy.context.scene.virtual_aperture.method == "features"

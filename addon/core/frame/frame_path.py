@@ -170,7 +170,7 @@ def _with_depth(geometry: FrameGeometry) -> tuple[FrameGeometry, str, float]:
         )  # fmt: skip
     geometry, why = replace(geometry, depth=depth), ""
     if depth.confidence is not None and float(np.mean(depth.confidence > SURE)) < FEWEST_SURE:
-        geometry, why = replace(geometry, mesher=MESHERS["grid"]), TOO_UNSURE
+        geometry, why = replace(geometry, mesher=MESHERS["features"]), TOO_UNSURE
     return geometry, why, time.perf_counter() - began
 
 

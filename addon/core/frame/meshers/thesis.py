@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from ....base.arrays import Floats
-from ....base.errors import UserError
-from ....camera.canvas import Canvas
-from ....camera.reconstruction import Reconstruction, seen_by
-from ....depth.sparse import FrameFeatures, frame_features
-from ....focus.focus import Focus, check_points
-from ....optics.aperture_sampling import random_disc
-from ....warp.mesh import WarpMesh, delaunay, distinct
-from ..mesher import FrameGeometry, Mesher, Surface, Views
+from ...base.arrays import Floats
+from ...base.errors import UserError
+from ...camera.canvas import Canvas
+from ...camera.reconstruction import Reconstruction, seen_by
+from ...depth.sparse import FrameFeatures, frame_features
+from ...focus.focus import Focus, check_points
+from ...optics.aperture_sampling import random_disc
+from ...warp.mesh import WarpMesh, delaunay, distinct
+from .mesher import FrameGeometry, Mesher, Surface, Views
 
 
 def make(geometry: FrameGeometry) -> Surface:
