@@ -17,11 +17,13 @@ def of_channels(
     data: tuple[int, int] = (0, 0),
     display: tuple[int, int, int, int] | None = None,
     tiled: bool = False,
+    more: dict[str, tuple[str, bytes]] | None = None,
 ) -> bytes:
     """The bytes of an EXR, version 2, uncompressed, of (h, w) half floats by channel (OpenEXR, "File
     Layout").
 
     `data` is the left and top pixel of the data window, `display` the display window, by default the same.
+    `more` are attributes, type and value by name.
     """
     names = sorted(values)
     height, width = values[names[0]].shape
@@ -37,6 +39,8 @@ def of_channels(
         ("screenWindowCenter", "v2f"): struct.pack("<2f", 0.0, 0.0),
         ("screenWindowWidth", "float"): struct.pack("<f", 1.0),
     }
+    for name, (kind, value) in (more or {}).items():
+        attributes[name, kind] = value
     if tiled:
         attributes["tiles", "tiledesc"] = struct.pack("<2IB", width, height, 0)
     header = b"\x76\x2f\x31\x01" + struct.pack("<i", 2 | 0x200 * tiled)

@@ -177,7 +177,7 @@ def _copy_scene(source: Path, options: argparse.Namespace, folder: Path) -> list
     clip = copy_clip(solved.open_clip(), folder)
     _copy_solve(source, folder / "solve", clip)
     copy_beside(settings, footage, folder)
-    move_clip(scene, open_footage(clip, footage.frames, stills=footage.is_stills))
+    move_clip(scene, footage.part(footage.frames, clip))
     # Depth that a machine finds is kept there for the others.
     settings.work_dir = str(folder / "solve")
     scene.render.filepath = "//render/"
@@ -189,9 +189,11 @@ def _copy_clip(
     source: Path, options: argparse.Namespace, folder: Path
 ) -> tuple[list[int], Path, Path | None]:
     """Copy a clip for a job; returns the frames to render, and the copies of the clip and its depth maps."""
-    footage = open_footage(source, options.solve_frames, stills=options.stills)
+    footage = open_footage(
+        source, options.solve_frames, stills=options.stills, pixel_aspect=options.pixel_aspect or 0.0
+    )
     frames = movie_frames(footage, options.frames)
-    clip = copy_clip(open_footage(source, stills=options.stills), folder)
+    clip = copy_clip(footage.whole(), folder)
     lens = given_lens(options)
     depth, masks, image = copied(folder, footage, options.depth, options.mask, image_of(options.aperture))
     for name, copy in (("depth", depth), ("mask", masks)):

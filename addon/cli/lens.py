@@ -30,7 +30,7 @@ from ..core.frame.options import FRAME_OPTIONS
 from ..core.frame.plan import FrameOptions
 from ..core.frame.repaired_depth import repaired_subject
 from ..core.frame.repairs import read_repairs
-from ..core.media.clip import Footage, FrameRange, describe, open_footage
+from ..core.media.clip import Footage, FrameRange, describe
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
 from ..scene.base.timeline import go_to
@@ -83,7 +83,7 @@ def movie_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
 
 def all_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
     """Return frames of the whole clip, also unsolved ones; UserError without any."""
-    return list(open_footage(footage.path, frames, info=footage.video, stills=footage.is_stills).frames)
+    return list(footage.part(frames).frames)
 
 
 def set_lens(

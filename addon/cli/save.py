@@ -9,7 +9,7 @@ from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import check_file
 from ..core.base.streams import say
 from ..core.depth.user_maps import open_depth
-from ..core.media.clip import Footage, FrameRange, open_footage
+from ..core.media.clip import Footage, FrameRange
 from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
 from ..core.media.sequence import clip_files
@@ -85,9 +85,9 @@ def save(options: argparse.Namespace) -> None:
         say(f"saved {blend}; it reads the clip {footage.path} and the solve in {solved.work_dir}")
         return
     # The whole clip: it is recognised by it.
-    clip = copy_clip(open_footage(footage.path, stills=footage.is_stills), blend.parent)
+    clip = copy_clip(footage.whole(), blend.parent)
     pictures = copy_beside(settings, footage, blend.parent)
-    move_clip(scene, open_footage(clip, footage.frames, stills=footage.is_stills))
+    move_clip(scene, footage.part(footage.frames, clip))
     # The solve is in the .blend; another machine does not have this folder.
     settings.work_dir = ""
     write_blend(blend)

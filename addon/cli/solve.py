@@ -74,6 +74,7 @@ def add_commands(commands: Commands, common: argparse.ArgumentParser) -> None:
         "--offset", type=int, default=0, metavar="N",
         help="with --camera: how many frames later the scene starts than the clip (0)",
     )  # fmt: skip
+    add_pixel_aspect(three)
     three.add_argument("--again", action="store_true", help="replace this clip's solve in the folder")
     three.set_defaults(command=import_model, words=IMPORT_WORDS)
 
@@ -99,9 +100,19 @@ def add_footage(
     command.add_argument(
         "--stills", action="store_true", help="the folder holds unordered photos, not a clip"
     )
+    add_pixel_aspect(command)
     command.add_argument(
         "--again", action="store_true", help="solve even if the folder already holds this solve"
     )
+
+
+def add_pixel_aspect(command: argparse.ArgumentParser) -> None:
+    """Add `--pixel-aspect`."""
+    command.add_argument(
+        "--pixel-aspect", type=real, metavar="X",
+        help="width of a pixel by its height, such as 2 for pictures squeezed to half their width (what the"
+        " file says, else 1)",
+    )  # fmt: skip
 
 
 def add_solve_frames(command: argparse.ArgumentParser) -> None:
@@ -115,7 +126,7 @@ def add_solve_frames(command: argparse.ArgumentParser) -> None:
 def solve_arguments(options: argparse.Namespace) -> list[str]:
     """Return the options of `add_footage` as words for another process's command line, without the clip."""
     words = []
-    for name in ("focal", "focal35", "fov", "focal_mm", "sensor_mm"):
+    for name in ("focal", "focal35", "fov", "focal_mm", "sensor_mm", "pixel_aspect"):
         if (value := getattr(options, name)) is not None:
             words += [f"--{name.replace('_', '-')}", str(value)]
     words += ["--frames", str(options.solve_frames)] if options.solve_frames else []
@@ -151,7 +162,7 @@ def solve_clip(
     """
     process = SolveProcess(
         options.footage, work.absolute(), options.solve_frames, _focal(options), options.again,
-        options.zoom, depth_maps=depth_maps, stills=options.stills,
+        options.zoom, depth_maps=depth_maps, stills=options.stills, pixel_aspect=options.pixel_aspect or 0.0,
     )  # fmt: skip
     _wait(process, check)
     return load_solve(work.absolute(), process.clip.path)
@@ -181,7 +192,8 @@ def import_model(options: argparse.Namespace) -> None:
     clip = options.footage or recorded_clip(options.model)
     if clip is None:
         raise UsageError("--footage is needed: the model does not include its clip; see --help")
-    footage = open_footage(clip, options.solve_frames)
+    aspect = options.pixel_aspect or 0.0
+    footage = open_footage(clip, options.solve_frames, pixel_aspect=aspect)
     if options.camera is not None:
         found = _scene_camera(options, footage)
     elif options.model.suffix.lower() == ".blend":
@@ -189,7 +201,9 @@ def import_model(options: argparse.Namespace) -> None:
     else:
         found = read_reconstruction(options.model, footage)
     if found.lacks_points:
-        _wait(SolveProcess(footage.path, work, options.solve_frames, again=options.again, cameras=found))
+        _wait(SolveProcess(
+            footage.path, work, options.solve_frames, again=options.again, cameras=found, pixel_aspect=aspect
+        ))  # fmt: skip
     else:
         keep_import(found, footage, work, options.again)
     depth = recorded_depth(options.model, work) if options.camera is None else None

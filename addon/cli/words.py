@@ -13,6 +13,7 @@ WORDS: Words = {
     Remedy.DEPTH_MAPS: "--depth-maps PATH",
     Remedy.OVERWRITE: "--overwrite",
     Remedy.STILLS: "--stills",
+    Remedy.PIXEL_ASPECT: "--pixel-aspect X",
     Remedy.KEPT_DEPTH: KEPT_DEPTH,
 }
 SOLVED_WORDS: Words = {

@@ -25,6 +25,7 @@ from .focus import focus_marks
 from .lens import aperture_cloud, blender_focus, depth_of_field, lens
 from .properties import VirtualApertureSettings
 from .solve import camera, point_cloud, store
+from .sources.colour_space import image_space
 from .sources.shot import IDENTITY, forget, reconstruction_of
 from .sources.sound import clip_sounds, move_sound, set_sound
 
@@ -63,7 +64,7 @@ def build(
         settings.points.data.attributes.remove(settings.points.data.attributes[attribute])
     point_cloud.fill(settings.points.data, reconstruction)
     point_cloud.make_hidden(settings.points)
-    if _background_problem(footage):
+    if _background_problem(settings, footage):
         point_cloud.show(settings.points, True)
     store.write(settings.points.data, reconstruction)
     settings.points.data[IDENTITY] = uuid.uuid4().hex
@@ -71,8 +72,9 @@ def build(
     is_other = settings.clip_identity not in ("", identity(footage.path))
     settings.clip_identity, settings.clip_name = identity(footage.path), footage.path.name
     settings.clip_first, settings.clip_last = footage.frames[0], footage.frames[-1]
+    settings.clip_pixel_aspect = footage.pixel_aspect
     settings.clip_step = math.gcd(*(frame - footage.frames[0] for frame in footage.frames)) or 1
-    settings.clip_notes = "\n".join([*footage.notes, *_background_notes(footage)])
+    settings.clip_notes = "\n".join([*footage.notes, *_background_notes(settings, footage)])
     depth_of_field.forget_scale(settings)
     focus_marks.clear(settings)
     if is_other:
@@ -184,12 +186,12 @@ def _object(
 
 def _set_background(settings: VirtualApertureSettings, footage: Footage) -> None:
     """The clip behind the camera, stretched to the frame: stored pixels need not be square."""
-    data, name = settings.camera.data, settings.colour_space or footage.colour_space
+    data = settings.camera.data
     for old in [b for b in data.background_images if b.image is None or b.image.get(IDENTITY)]:
         if old.image is not None:
             bpy.data.images.remove(old.image)
         data.background_images.remove(old)
-    if _background_problem(footage):
+    if _background_problem(settings, footage):
         return
     shift = 0 if footage.is_video else blender_shift(footage.files, footage.frames) or 0
     image = bpy.data.images.load(str(first_file(footage)), check_existing=False)
@@ -197,7 +199,7 @@ def _set_background(settings: VirtualApertureSettings, footage: Footage) -> None
     image.filepath = relative(first_file(footage))
     image[IDENTITY] = True
     image.source = "MOVIE" if footage.is_video else "SEQUENCE"
-    if name:
+    if name := image_space(settings, footage):
         image.colorspace_settings.name = name
     background = data.background_images.new()
     background.image = image
@@ -214,12 +216,16 @@ def _set_background(settings: VirtualApertureSettings, footage: Footage) -> None
     data.show_background_images = True
 
 
-def _background_problem(footage: Footage) -> str:
+def _background_problem(settings: VirtualApertureSettings, footage: Footage) -> str:
     """Why Blender cannot show the clip's pictures behind the camera; empty where it can."""
     if footage.is_stills:
         return "Blender shows sequences of one size only"
     if not footage.fills_display_window:
         return "Blender shows an EXR's data window only"
+    if footage.tags.orientation != 1:
+        return "Blender does not turn the pictures as their files say"
+    if footage.tags.is_narrow or (footage.files and not image_space(settings, footage)):
+        return "Blender has no color space like the one that the files are tagged with"
     if footage.video is None:
         is_shown = blender_shift(footage.files, footage.frames) is not None
         return "" if is_shown else "Blender takes the last number of a file name for the frame"
@@ -229,8 +235,8 @@ def _background_problem(footage: Footage) -> str:
     }.get(footage.video.view, "")
 
 
-def _background_notes(footage: Footage) -> list[str]:
-    problem = "" if footage.is_stills else _background_problem(footage)
+def _background_notes(settings: VirtualApertureSettings, footage: Footage) -> list[str]:
+    problem = "" if footage.is_stills else _background_problem(settings, footage)
     return [f"the camera has no background image, because {problem}"] if problem else []
 
 

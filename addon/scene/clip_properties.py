@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from ..core.media.picture_tags import MOST_ASPECT
 from .lens_properties import aperture_changed
 from .sources import colour_space
 from .sources.subjects import VirtualApertureSubjects
@@ -62,6 +63,14 @@ class ClipProperties:
         soft_max=70.0,
         default=36.0,
     )
+    pixel_aspect: FloatProperty(
+        name="Pixel Aspect",
+        description="Width of a pixel divided by its height, such as 2 where a lens squeezed the picture to"
+        " half its width. 0: what the file says, else 1",
+        min=0.0,
+        max=MOST_ASPECT,
+        default=0.0,
+    )
     depth_maps: StringProperty(
         name="Depth Maps",
         description="Your own depth maps: a folder of EXR, 16-bit PNG or .npz files, or a single .npz or"
@@ -103,6 +112,9 @@ class ClipProperties:
     )
     clip_first: IntProperty(name="First Frame", description="First solved frame", options={"HIDDEN"})
     clip_last: IntProperty(name="Last Frame", description="Last solved frame", options={"HIDDEN"})
+    clip_pixel_aspect: FloatProperty(
+        name="Pixel Aspect", description="Pixel aspect the clip was solved with", options={"HIDDEN"}
+    )
     clip_step: IntProperty(
         name="Frame Step", description="Step from one solved frame to the next", default=1, options={"HIDDEN"}
     )

@@ -20,6 +20,8 @@ class Remedy(StrEnum):
     DEPTH_MAPS = "depth_maps"
     STILLS = "stills"
     """Solving pictures as unordered photos."""
+    PIXEL_ASPECT = "pixel_aspect"
+    """The width of a stored pixel by its height."""
     KEPT_DEPTH = "kept_depth"
     """The amount of depth kept for a clip."""
 

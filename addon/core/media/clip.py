@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -21,9 +21,10 @@ from ..base.regular_file import open_regular, regular_stat
 from .colour_space import SRGB
 from .exr_parts import read_header
 from .frame_table import DEFAULT_RATE
-from .picture_file import PICTURES, Pixels, read_picture
+from .picture_file import PICTURES, Pixels, full_range, open_picture
+from .picture_tags import MOST_ASPECT, PictureTags
 from .sequence import LAST_FRAME, clip_files, frames_of, is_pattern, name_numbers, pattern_numbers
-from .video import VideoReader, video_info
+from .video import VideoReader, first_frame, video_info
 from .video_info import VideoInfo
 
 MOST_STILLS = 100
@@ -86,10 +87,21 @@ class Footage:
     is_stills: bool = False
     """Whether the frames are photos in the order of their names, which no time has: of any sizes, `width` and
     `height` being those of the first."""
+    pixel_aspect: float = 0.0
+    """Width of a stored pixel by its height, if the user has set it; 0 for what the file says."""
+    tags: PictureTags = field(default_factory=PictureTags)
+    """Those of a sequence's first file."""
+    stored: tuple[int, int] = (0, 0)
+    """Width and height of it upright, in stored pixels."""
 
     @cached_property
     def _video(self) -> VideoReader:
-        return VideoReader(self.path)
+        return VideoReader(self.path, (self.width, self.height), self.pixel_aspect)
+
+    @cached_property
+    def stored_size(self) -> tuple[int, int]:
+        """Return width and height of the upright picture in stored pixels, which need not be square."""
+        return self.stored if self.files else first_frame(self.path, 1.0)[:2]
 
     @property
     def is_depth(self) -> bool:
@@ -103,7 +115,7 @@ class Footage:
 
     @property
     def colour_space(self) -> str:
-        """The colour space by the clip's tags (`colour_space.of_tags`); empty for the default."""
+        """The colour space by a video's tags (`colour_space.of_tags`); empty for the default."""
         return self.video.colour_space if self.video is not None else SRGB
 
     @property
@@ -122,7 +134,7 @@ class Footage:
                 f"the pixels of {self.files[0].name}, its data window, are not all of its display window of"
                 f" {self.width}x{self.height}; the rest is empty, and what lies outside is cut off"
             )
-        return found
+        return [*found, *(f"{self.files[0].name}: {note}" for note in self.tags.notes)]
 
     @cached_property
     def fills_display_window(self) -> bool:
@@ -153,7 +165,12 @@ class Footage:
 
     def whole(self) -> Footage:
         """Open all frames of the clip that this is a part of."""
-        return open_footage(self.path, info=self.video, stills=self.is_stills)
+        return self.part(None)
+
+    def part(self, frames: FrameRange | Iterable[int] | None, path: Path | None = None) -> Footage:
+        """Open frames of the whole clip, or of its copy at a path, in the way that this is opened."""
+        ways = self.is_stills, self.beside, self.pixel_aspect
+        return open_footage(path or self.path, frames, self.video, *ways)
 
     def file(self, frame: int) -> Path:
         """Return the file that holds a frame."""
@@ -178,7 +195,7 @@ class Footage:
         """
         if frame not in self.frames:
             raise UserError(f"{self.path.name} has no frame {frame}; it has {describe(self.frames)}")
-        picture = self._video.read(frame) if self.is_video else read_picture(self.file(frame), self.is_depth)
+        picture = self._video.read(frame) if self.is_video else self._picture(self.file(frame))
         if picture.shape[:2] != (self.height, self.width) and not self.is_stills:
             where = self.file(frame).name if self.files else f"frame {frame}"
             if self.beside:
@@ -195,6 +212,17 @@ class Footage:
             raise UserError(f"{problem}; unordered photos can be solved as stills", Remedy.STILLS)
         return picture
 
+    def _picture(self, file: Path) -> Pixels:
+        found = open_picture(file, self.is_depth, self.pixel_aspect)
+        if self.beside:
+            return found.pixels
+        if found.tags.colour != self.tags.colour:
+            raise UserError(
+                f"the colors of {file.name} are stored in another way than those of {self.files[0].name}, as"
+                " the files say; convert the pictures to one color space"
+            )
+        return full_range(found.pixels) if found.tags.is_narrow else found.pixels
+
     def close(self) -> None:
         """Release the video file."""
         self._video.close()
@@ -206,6 +234,7 @@ def open_footage(
     info: VideoInfo | None = None,
     stills: bool = False,
     beside: str = "",
+    pixel_aspect: float = 0.0,
 ) -> Footage:
     """Open a video file, a folder of images, or a pattern such as `shot_####.png` or `shot_%04d.png`.
 
@@ -216,14 +245,19 @@ def open_footage(
         stills: True for a folder of unordered photos; pictures whose names have no numbers are photos, too,
             unless there are more than `MOST_STILLS`.
         beside: Name of pictures beside a clip (`Footage.beside`).
+        pixel_aspect: Width of a stored pixel by its height; 0 for what the file says.
 
     Raises:
         UserError: It cannot be read; the message is one line.
     """
     path = checked_name(_expanded(path))
+    if pixel_aspect and not 1 / MOST_ASPECT <= pixel_aspect <= MOST_ASPECT:
+        raise UserError(
+            f"a pixel aspect of {pixel_aspect:g} cannot be; it is from {1 / MOST_ASPECT:g} to {MOST_ASPECT:g}"
+        )
     try:
         if is_pattern(path) or path.is_dir():
-            footage = _open_sequence(path, stills, beside)
+            footage = _open_sequence(path, stills, beside, pixel_aspect)
         elif not path.exists():
             raise UserError(
                 f"{path} does not exist; choose a video file, a folder of images or a pattern like ####.png"
@@ -238,7 +272,10 @@ def open_footage(
             regular_stat(path)
             info = video_info(path, info)
             numbers = tuple(range(1, info.count + 1))
-            footage = Footage(path, numbers, info.width, info.height, info.fps, video=info, beside=beside)
+            size = first_frame(path, pixel_aspect)[:2] if pixel_aspect else (info.width, info.height)
+            footage = Footage(
+                path, numbers, *size, info.fps, video=info, beside=beside, pixel_aspect=pixel_aspect
+            )
     except OSError as error:
         raise UserError(f"{error.filename or path} cannot be read: {error.strerror or error}") from error
     footage = footage if frames is None else _narrowed(footage, frames)
@@ -269,7 +306,7 @@ def describe(frames: Sequence[int]) -> str:
     return f"frames {frames[0]} to {frames[-1]}{gaps}" if len(frames) > 1 else f"frame {frames[0]}"
 
 
-def _open_sequence(path: Path, stills: bool, beside: str) -> Footage:
+def _open_sequence(path: Path, stills: bool, beside: str, pixel_aspect: float) -> Footage:
     by_pattern = pattern_numbers(path) if is_pattern(path) else None
     files = clip_files(path) if by_pattern is None else sorted(by_pattern)
     if not files:
@@ -294,9 +331,12 @@ def _open_sequence(path: Path, stills: bool, beside: str) -> Footage:
     frames = frames_of(sorted(numbered))
     own = () if all(number == frame for number, frame in frames.items()) else tuple(frames)
     ordered = tuple(numbered[number] for number in frames)
-    first = read_picture(ordered[0], beside == DEPTH_MAP)
-    size, rate = (first.shape[1], first.shape[0]), float(DEFAULT_RATE)
-    return Footage(path, tuple(frames.values()), *size, rate, ordered, own, beside=beside, is_stills=stills)
+    first = open_picture(ordered[0], beside == DEPTH_MAP, pixel_aspect)
+    size, rate = (first.pixels.shape[1], first.pixels.shape[0]), float(DEFAULT_RATE)
+    return Footage(
+        path, tuple(frames.values()), *size, rate, ordered, own, None, beside, stills, pixel_aspect,
+        first.tags, first.size,
+    )  # fmt: skip
 
 
 def _pattern_like(file: Path, number: int) -> str:

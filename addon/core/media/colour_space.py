@@ -50,6 +50,8 @@ class ColourSpace:
     """(3, 3) from the space's own primaries to those of the working space."""
     system_gamma: float = 1.0
     """1 but for HLG."""
+    is_tagged: bool = False
+    """Whether the clip's files say so: the curve is of floats in them, too."""
 
     @property
     def is_linear(self) -> bool:
@@ -67,12 +69,15 @@ class ColourSpace:
         """
         colour = stored[..., :3]
         if stored.dtype == np.float32:
-            if not self.is_linear:
+            if self.is_linear:
+                light = colour * np.float32(self.curve[-1])
+            elif self.is_tagged:
+                light = np.interp(colour, np.linspace(0, 1, TOP + 1), self.curve).astype(np.float32)
+            else:
                 raise UserError(
                     f"the clip's pictures hold linear light, which is not {self.name}; choose a linear color"
                     " space, or none"
                 )
-            light = colour * np.float32(self.curve[-1])
         elif stored.dtype == np.uint8:
             light = self.curve[257 * np.arange(256)][colour]
         else:

@@ -4,6 +4,8 @@ Blender's decoder reads files of one layer only, and returns the pixels of the d
 are not changed: only the header gets other names ("OpenEXR File Layout").
 """
 
+import contextlib
+import io
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,6 +27,8 @@ NEEDED = {"channels", "dataWindow", "displayWindow", "compression"}
 """Attributes that every part has; where there are several, `chunkCount`, too."""
 OF_PARTS = ("name", "type", "chunkCount", "view", "multiView", "BlenderMultiChannel")
 """Attributes that only files of several parts or layers have."""
+COLOURS = {"colorInteropID": "string", "chromaticities": "chromaticities", "acesImageContainerFlag": "int"}
+"""Attributes that name the colours, and their types; the first one counts before the others."""
 MOST_LISTED = 12
 """Channels that a message lists."""
 MOST_BYTES = 1 << 24
@@ -132,6 +136,17 @@ def read_header(file: BinaryIO) -> ExrHeader:
     if any(not needed <= set(part.attributes) or not part.attributes["compression"][1] for part in parts):
         raise ValueError("its header is damaged")
     return ExrHeader(flags, tuple(parts), file.tell())
+
+
+def without_colours(data: bytes) -> bytes:
+    """Return the bytes of a file, or of none, in which no decoder finds the attributes of `COLOURS`."""
+    with contextlib.suppress(ValueError):
+        size = read_header(io.BytesIO(data)).size
+        for name, kind in COLOURS.items():
+            # Of the same length: all other offsets stay.
+            hidden = (f"~{name[1:]}\0{kind}\0").encode()
+            data = data[:size].replace(f"{name}\0{kind}\0".encode(), hidden) + data[size:]
+    return data
 
 
 def depth_channel(header: ExrHeader) -> Channel | None:

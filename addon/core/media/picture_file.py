@@ -3,6 +3,7 @@
 import io
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from ..base.errors import UserError
 from ..base.npz import ArrayFile
 from ..base.regular_file import open_regular, read_regular, regular_stat
 from . import exr_parts
+from .picture_tags import PictureTags, exr_tags, tags_of, turned
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
 exr_decoder: Callable[[Path | bytes], NDArray[np.float32]] | None = None
@@ -32,44 +34,44 @@ ARRAYS = ("depths", "depth")
 Anything-3 and Depth Pro."""
 
 
-def read_picture(path: Path, is_depth: bool = False) -> Pixels:
-    """Read a picture file as stored, RGB or RGBA (H, W, 3 or 4): uint8, uint16, or float32 for EXR.
+class Picture(NamedTuple):
+    """A picture file, upright."""
 
-    Among several layers of an EXR the one with depth counts for a depth map. Raises UserError if it cannot be
-    read or decoded.
+    pixels: Pixels
+    """(H, W, 3 or 4) RGB or RGBA with square pixels: uint8, uint16, or float32 for EXR."""
+    tags: PictureTags
+    size: tuple[int, int]
+    """Width and height in stored pixels."""
+
+
+def read_picture(path: Path, is_depth: bool = False) -> Pixels:
+    """Read a picture file, as `Picture.pixels`; arguments and errors as of `open_picture`."""
+    return open_picture(path, is_depth).pixels
+
+
+def open_picture(path: Path, is_depth: bool = False, pixel_aspect: float = 0.0) -> Picture:
+    """Read a picture file, with the values that it stores.
+
+    Args:
+        path: The file.
+        is_depth: True for a depth map: among several layers of an EXR the one with depth counts.
+        pixel_aspect: Width of a stored pixel by its height; 0 for what the file says.
+
+    Raises:
+        UserError: It cannot be read or decoded.
     """
     try:
-        return _decoded(path, is_depth)
+        if regular_stat(path).st_size == 0:
+            raise UserError(f"{path.name} is empty (0 bytes); export the sequence again")
+        if path.suffix.lower() == ARRAY:
+            return _shown(_read_array(path), PictureTags())
+        if path.suffix.lower() == ".exr":
+            return _read_exr(path, path.name, is_depth, pixel_aspect)
+        return _decoded(read_regular(path), path.name, pixel_aspect)
     except OSError as error:
         raise UserError(
             f"{path} cannot be read: {error.strerror or error}; restore it or leave the frame out"
         ) from error
-
-
-def _decoded(path: Path, is_depth: bool) -> Pixels:
-    if regular_stat(path).st_size == 0:
-        raise UserError(f"{path.name} is empty (0 bytes); export the sequence again")
-    if path.suffix.lower() == ARRAY:
-        return _read_array(path)
-    if path.suffix.lower() == ".exr":
-        return _read_exr(path, path.name, is_depth)
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        data = np.frombuffer(read_regular(path), dtype=np.uint8)
-        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED | cv2.IMREAD_ANYCOLOR)
-        if picture is not None and picture.ndim == 3 and picture.shape[2] == 3:
-            # Only this way does OpenCV honour the orientation that a camera writes into a JPEG.
-            upright = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
-            picture = upright if upright is not None else picture
-    except cv2.error:
-        picture = None
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-    if picture is None or (picture.ndim == 3 and picture.shape[2] > 4):
-        raise UserError(f"{path.name} cannot be decoded; export this frame again or leave it out")
-    if picture.dtype not in (np.uint8, np.uint16, np.float32):
-        picture = picture.astype(np.float32)
-    return to_rgb(picture)
 
 
 def decode_picture(data: bytes, name: str, is_depth: bool = False) -> Pixels:
@@ -79,14 +81,63 @@ def decode_picture(data: bytes, name: str, is_depth: bool = False) -> Pixels:
         UserError: It cannot be decoded.
     """
     if name.lower().endswith(".exr"):
-        return _read_exr(data, name, is_depth)
+        return _read_exr(data, name, is_depth).pixels
+    return _decoded(data, name).pixels
+
+
+def _decoded(data: bytes, name: str, pixel_aspect: float = 0.0) -> Picture:
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_ANYCOLOR)
     except cv2.error:
         picture = None
-    if picture is None:
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    if picture is None or (picture.ndim == 3 and picture.shape[2] > 4):
         raise UserError(f"{name} cannot be decoded; export this frame again or leave it out")
-    return to_rgb(picture)
+    if picture.dtype not in (np.uint8, np.uint16, np.float32):
+        picture = picture.astype(np.float32)
+    # OpenCV turns TIFF files alone, whichever way they are read, and others only without their alpha.
+    tags = tags_of(data, picture.dtype == np.float32)
+    return _shown(to_rgb(picture), tags, pixel_aspect, is_turned=data[:2] in (b"II", b"MM"))
+
+
+def _shown(stored: Pixels, tags: PictureTags, pixel_aspect: float = 0.0, is_turned: bool = False) -> Picture:
+    """A picture of stored pixels, which a decoder may have turned upright already."""
+    upright: Pixels = stored if is_turned else turned(stored, tags.orientation)
+    pixels = squared(upright, pixel_aspect or tags.pixel_aspect, tags.orientation > 4)
+    return Picture(pixels, tags, (upright.shape[1], upright.shape[0]))
+
+
+def squared(picture: Pixels, pixel_aspect: float, on_its_side: bool) -> Pixels:
+    """Return a picture (H, W, 3 or 4) with square pixels; one that was turned keeps its stored width upright.
+
+    `pixel_aspect` is the width of a stored pixel by its height, before the picture was turned.
+    """
+    height, width = picture.shape[:2]
+    size = (width, round(height * pixel_aspect)) if on_its_side else (round(width * pixel_aspect), height)
+    return picture if size == (width, height) else resized(picture, (max(size[0], 1), max(size[1], 1)))
+
+
+def full_range(picture: Pixels) -> Pixels:
+    """Return a picture (H, W, 3 or 4) of integers of the narrow range as uint16 of the full one."""
+    if picture.dtype == np.float32:
+        return picture
+    step = picture.dtype.itemsize * 8 - 8
+    colour = (picture[..., :3] - np.float32(16 << step)) * np.float32(65535 / (219 << step))
+    alpha = picture[..., 3:].astype(np.float32) * np.float32(257 if step == 0 else 1)
+    return np.concatenate([np.clip(colour, 0, 65535) + 0.5, alpha], axis=2).astype(np.uint16)
+
+
+def resized(picture: Pixels, size: tuple[int, int]) -> Pixels:
+    """Resample a picture (H, W, 3 or 4) to a size (width, height) in pixels."""
+    shrinks = size[0] * size[1] < picture.shape[0] * picture.shape[1]
+    # Around lights far beyond white, cubic curves would be far below black.
+    enlarged = cv2.INTER_LINEAR if picture.dtype == np.float32 else cv2.INTER_CUBIC
+    made: Pixels = cv2.resize(  # type: ignore[assignment]
+        picture, size, interpolation=cv2.INTER_AREA if shrinks else enlarged
+    )
+    return made
 
 
 def grey(values: NDArray[np.generic]) -> Pixels:
@@ -95,7 +146,7 @@ def grey(values: NDArray[np.generic]) -> Pixels:
         return np.repeat(values.astype(np.float32)[..., None], 3, axis=2)
 
 
-def _read_exr(picture: Path | bytes, name: str, is_depth: bool) -> Pixels:
+def _read_exr(picture: Path | bytes, name: str, is_depth: bool, pixel_aspect: float = 0.0) -> Picture:
     if exr_decoder is None:
         raise UserError(f"{name} is an EXR, which can only be read inside Blender; convert it to 16-bit PNG")
     header = None
@@ -107,7 +158,7 @@ def _read_exr(picture: Path | bytes, name: str, is_depth: bool) -> Pixels:
         if channel is not None and len(header.channels) > 1:
             data = picture if isinstance(picture, bytes) else read_regular(picture)
             picture = exr_parts.alone(data, header, channel)
-        return exr_parts.placed(exr_decoder(picture), part)
+        return _shown(exr_parts.placed(exr_decoder(picture), part), exr_tags(part), pixel_aspect)
     except exr_parts.LayerError as error:
         raise UserError(f"{name} cannot be used: {error}") from error
     except (OSError, ValueError, RuntimeError) as error:

@@ -173,9 +173,10 @@ def check_aspect(pictures: Footage, clip: Footage, kind: str) -> list[str]:
 
     Raises UserError for depth maps that were cropped or padded: one side is the clip's, the other is not.
     """
-    is_whole = is_alike(pictures.width, pictures.height, clip.width, clip.height)
-    is_cut = (pictures.width == clip.width) != (pictures.height == clip.height)
-    if is_whole and not is_cut:
+    own, shown = (pictures.width, pictures.height), (clip.width, clip.height)
+    is_whole, is_cut = is_alike(*own, *shown), (own[0] == shown[0]) != (own[1] == shown[1])
+    # Programs that know of no pixels but square ones make them of the stored pictures.
+    if (is_whole and not is_cut) or is_alike(*own, *clip.stored_size):
         return []
     size, whole = (f"{each.width}x{each.height}" for each in (pictures, clip))
     if is_cut and not is_whole and kind == DEPTH_MAP:

@@ -21,8 +21,8 @@ from ..base.errors import Remedy, UserError
 from ..base.progress import checkpoint
 from .container import open_video
 from .frame_table import read_table
-from .picture_file import Pixels
-from .video_frame import FirstFrame, resized, upright
+from .picture_file import Pixels, resized
+from .video_frame import FirstFrame, upright
 from .video_info import VideoInfo, is_alike
 
 MISSING = 0.02
@@ -57,8 +57,9 @@ class VideoReader:
     of those, decoding begins anew.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, size: tuple[int, int], pixel_aspect: float = 0.0) -> None:
+        """Width and height in pixels of the clip's frames; `pixel_aspect` as of `upright`."""
+        self._path, self._size, self._pixel_aspect = path, size, pixel_aspect
         self._container: InputContainer | None = None
         self._stream: VideoStream | None = None
         self._frames: Iterable[VideoFrame] = ()
@@ -88,12 +89,10 @@ class VideoReader:
                 Remedy.FRAMES,
             )
         assert self._stream is not None
-        picture = upright(found, self._stream)
+        picture = upright(found, self._stream, self._pixel_aspect)
         height, width = picture.shape[:2]
-        is_scaled = (width, height) != (info.width, info.height)
-        if is_scaled and is_alike(width, height, info.width, info.height):
-            return resized(picture, (info.width, info.height))
-        return picture
+        is_scaled = (width, height) != self._size
+        return resized(picture, self._size) if is_scaled and is_alike(width, height, *self._size) else picture
 
     def close(self) -> None:
         """Release the file; the next read opens it again."""
@@ -151,10 +150,10 @@ def _decode_all(path: Path) -> VideoInfo:
     return info
 
 
-def first_frame(path: Path) -> FirstFrame:
-    """Decode the first frame of a video; UserError if it cannot be decoded."""
+def first_frame(path: Path, pixel_aspect: float = 0.0) -> FirstFrame:
+    """Decode a video's first frame; `pixel_aspect` as of `upright`. UserError if it cannot be decoded."""
     container, stream = open_video(path)
     with container:
         for frame in _decoded(container, stream):
-            return FirstFrame.of(frame, stream)
+            return FirstFrame.of(frame, stream, pixel_aspect)
     raise UserError(f"{path.name} has no frame that can be decoded; convert it to H.264 and try again")

@@ -14,7 +14,7 @@ from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from .colour_space import of_tags
-from .picture_file import Pixels
+from .picture_file import Pixels, squared
 
 _LUMA = {1: (0.2126, 0.0722), 5: (0.299, 0.114), 6: (0.299, 0.114), 9: (0.2627, 0.0593), 10: (0.2627, 0.0593)}
 """Weights of red and blue in luma by the code of matrix coefficients (ITU-T H.273, table 4)."""
@@ -46,17 +46,19 @@ class FirstFrame(NamedTuple):
     """True if the file has transparency that is not decoded."""
 
     @classmethod
-    def of(cls, frame: VideoFrame, stream: VideoStream) -> FirstFrame:
-        """Describe a decoded frame of a stream."""
-        height, width = upright(frame, stream).shape[:2]
+    def of(cls, frame: VideoFrame, stream: VideoStream, pixel_aspect: float = 0.0) -> FirstFrame:
+        """Describe a decoded frame of a stream; `pixel_aspect` as of `upright`."""
+        height, width = upright(frame, stream, pixel_aspect).shape[:2]
         # For WebM: FFmpeg's own decoders of VP8 and VP9 leave alpha out.
         lacks_alpha = stream.metadata.get("alpha_mode") == "1" and not has_alpha(frame, stream)
         space = of_tags(frame.color_trc, frame.color_primaries)
         return cls(width, height, space, blender_view(frame, stream), lacks_alpha)
 
 
-def upright(frame: VideoFrame, stream: VideoStream) -> Pixels:
+def upright(frame: VideoFrame, stream: VideoStream, pixel_aspect: float = 0.0) -> Pixels:
     """Convert a decoded frame of a stream to the picture that players show.
+
+    `pixel_aspect` is the width of a stored pixel by its height, 0 for that of the file.
 
     Returns:
         (H, W, 3) RGB, or (H, W, 4) with straight alpha, of square pixels: uint8, or uint16 over its whole
@@ -71,24 +73,9 @@ def upright(frame: VideoFrame, stream: VideoStream) -> Pixels:
         picture = picture[::-1]  # type: ignore[assignment]
     turns = _turns(frame)
     picture = np.ascontiguousarray(np.rot90(picture, turns))  # type: ignore[assignment]
-    across, down = 1, 1
-    if ratio := stream.sample_aspect_ratio:
-        across, down = ratio.numerator, ratio.denominator
-    if across <= 0 or down <= 0 or across == down:
-        return picture
-    height, width = picture.shape[:2]
-    # A clip that is shown on its side has its stored width upright.
-    size = (width, round(height * across / down)) if turns % 2 else (round(width * across / down), height)
-    return resized(picture, size)
-
-
-def resized(picture: Pixels, size: tuple[int, int]) -> Pixels:
-    """Resample a picture (H, W, 3 or 4) to a size (width, height) in pixels."""
-    shrinks = size[0] * size[1] < picture.shape[0] * picture.shape[1]
-    made: Pixels = cv2.resize(  # type: ignore[assignment]
-        picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
-    )
-    return made
+    ratio = stream.sample_aspect_ratio
+    aspect = pixel_aspect or (float(ratio) if ratio and ratio > 0 else 1.0)
+    return squared(picture, aspect, on_its_side=turns % 2 == 1)
 
 
 def cropping(stream: VideoStream) -> tuple[int, int, int, int]:

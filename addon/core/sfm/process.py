@@ -73,6 +73,7 @@ class SolveProcess:
         cameras: Imported | None = None,
         depth_maps: Path | None = None,
         stills: bool = False,
+        pixel_aspect: float = 0.0,
     ) -> None:
         """Start a solve.
 
@@ -87,6 +88,7 @@ class SolveProcess:
             cameras: Another program's cameras, which are held.
             depth_maps: Maps for a camera that stays in its place, which is refused without.
             stills: True for unordered photos; a sequence that cannot be followed may turn out to be photos.
+            pixel_aspect: As of `open_footage`.
         """
         self.work_dir = work_dir
         self._yields = yielding
@@ -97,7 +99,7 @@ class SolveProcess:
         self.sight: Sight | None = None
         """The tracker's last picture."""
         collect_temporary()
-        self.clip = open_footage(footage, frames, stills=stills)
+        self.clip = open_footage(footage, frames, stills=stills, pixel_aspect=pixel_aspect)
         self.clip.close()
         self._identity = identity(self.clip.path)
         pixels = None if focal is None else in_pixels(focal, self.clip.width, self.clip.height)
@@ -107,6 +109,7 @@ class SolveProcess:
             self._options = {"imported": cameras.format}
         # Values that were not requested are taken from the kept solve.
         self._options["stills"] = self.clip.is_stills or None
+        self._options["pixel_aspect"] = pixel_aspect or None
         if self._is_kept(again):
             self.finished = True
             return
@@ -144,6 +147,7 @@ class SolveProcess:
             "video": asdict(video_info(self.clip.path)) if self.clip.is_video else None,
             "folder": str(folder),
             "stills": self.clip.is_stills,
+            "pixel_aspect": self.clip.pixel_aspect,
             "may_stay": self._maps is not None,
             "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
             "cameras": None,

@@ -85,6 +85,7 @@ class Staging:
                 "frames": footage.frames,
                 "video": asdict(video_info(footage.path)) if footage.is_video else None,
                 **options,
+                "pixel_aspect": footage.pixel_aspect,
                 "report": said,
                 "model": model_digests(self.folder / MODEL),
             }

@@ -96,8 +96,9 @@ def _solve(job: dict[str, Any]) -> None:
     picture_file.exr_decoder = _exr
     folder = Path(str(job["folder"]))
     footage = open_footage(
-        job["footage"], job["frames"], info=VideoInfo.parse(job["video"]), stills=job["stills"]
-    )
+        job["footage"], job["frames"], VideoInfo.parse(job["video"]), job["stills"],
+        pixel_aspect=job["pixel_aspect"],
+    )  # fmt: skip
     solved = _solve_photos if footage.is_stills and job["cameras"] is None else _solve_clip
     report = solved(footage, job, folder)
     report |= {

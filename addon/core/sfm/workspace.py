@@ -48,10 +48,16 @@ class Solve:
     """Properties of the clip; None if it is not a video."""
     is_stills: bool = False
     """As of `Footage`."""
+    pixel_aspect: float = 0.0
+    """As of `Footage`."""
 
     def open_clip(self, frames: FrameRange | Iterable[int] | None = None) -> Footage:
-        """Return the clip, all of it or some of its frames; UserError as `open_footage`."""
-        return open_footage(self.footage, frames, info=self.video, stills=self.is_stills)
+        """Return the clip, all of it or some of its frames; UserError as `open_footage` and `check_size`."""
+        clip = open_footage(
+            self.footage, frames, info=self.video, stills=self.is_stills, pixel_aspect=self.pixel_aspect
+        )
+        check_size(clip, self.reconstruction)
+        return clip
 
     @cached_property
     def quality(self) -> Report:
@@ -85,6 +91,17 @@ class Solve:
         )
 
 
+def check_size(clip: Footage, reconstruction: Reconstruction) -> None:
+    """Check that a clip is shown in the size of its solve, as older versions may not have; or UserError."""
+    camera, size = reconstruction.cameras[0], (clip.width, clip.height)
+    if reconstruction.is_ordered and (camera.width, camera.height) != size:
+        raise UserError(
+            f"{clip.path.name} was solved as {camera.width}x{camera.height}, and is shown as"
+            f" {size[0]}x{size[1]} now, as its files say; solve it again",
+            Remedy.AGAIN,
+        )
+
+
 def default_work_dir(footage: Path, beside: Path) -> Path:
     """Return the working folder of a clip when none is named: `<clip>.aperture` in the folder `beside`."""
     stem = footage.name.replace("#", "").replace("%", "") or footage.parent.name
@@ -110,7 +127,11 @@ def load_solve(work_dir: Path, clip: Path | None = None) -> Solve:
     reconstruction = replace(
         _with_visible(work_dir / MODEL), is_ordered=not is_stills, readout=_readout(work_dir, state)
     )
-    return Solve(work_dir, footage, frames, reconstruction, state["report"], video, is_stills)
+    aspect = state.get("pixel_aspect")
+    return Solve(
+        work_dir, footage, frames, reconstruction, state["report"], video, is_stills,
+        float(aspect) if isinstance(aspect, int | float) else 0.0,
+    )  # fmt: skip
 
 
 def _readout(work_dir: Path, state: dict[str, Any]) -> tuple[float, float]:
@@ -196,7 +217,8 @@ def is_solved(work_dir: Path, footage: Footage, options: dict[str, Any]) -> bool
     state = _state_of(work_dir, footage)
     if state is None:
         return False
-    same = all(value in (None, state.get(name, value)) for name, value in options.items())
+    kept = {"pixel_aspect": 0.0, **state}
+    same = all(value in (None, kept.get(name, value)) for name, value in options.items())
     return same and tuple(state["frames"]) == footage.frames and (work_dir / MODEL).is_dir()
 
 

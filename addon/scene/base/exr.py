@@ -7,17 +7,21 @@ import imbuf
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.base.regular_file import read_regular
 from ...core.media import picture_file
+from ...core.media.exr_parts import without_colours
 
 
 def read(picture: Path | bytes) -> NDArray[np.float32]:
     """Return the pixels (H, W, 3 or 4) float32 of a file or its bytes, premultiplied, top row first.
 
+    They are as stored: Blender itself would convert some of the colour spaces that a file can name.
+
     Raises:
         OSError: It is not a picture.
     """
-    is_file = isinstance(picture, Path)
-    image = imbuf.load(str(picture)) if is_file else imbuf.load_from_buffer(picture)
+    data = read_regular(picture) if isinstance(picture, Path) else picture
+    image = imbuf.load_from_buffer(without_colours(data))
     if image is None:
         raise OSError("it is not an image")
     try:

@@ -11,4 +11,5 @@ WORDS: Words = {
     Remedy.FOCAL: "Lens",
     Remedy.DEPTH_MAPS: "Depth Maps",
     Remedy.STILLS: "Unordered Photos",
+    Remedy.PIXEL_ASPECT: "Pixel Aspect",
 }

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from ...core.base.errors import Remedy, UserError
-from ...core.media.clip import Footage, FrameRange, open_footage
+from ...core.media.clip import Footage, FrameRange
 from ...core.media.find_clip import clip_exists, find_clip, is_clip
 from ...core.sfm.workspace import recorded_clip
 from ..base.paths import absolute, own_file
@@ -63,7 +63,7 @@ def solved_clip_path(settings: bpy.types.PropertyGroup, within: float = 0.0) -> 
 def solved_part(settings: bpy.types.PropertyGroup, clip: Footage) -> Footage:
     """Open the frames of the clip that were solved."""
     solved = FrameRange(settings.clip_first, settings.clip_last, settings.clip_step)
-    return open_footage(clip.path, solved.of(clip.frames), info=clip.video, stills=clip.is_stills)
+    return clip.part(solved.of(clip.frames))
 
 
 def trouble_with(

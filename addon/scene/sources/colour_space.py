@@ -1,5 +1,6 @@
 """Colour spaces as Blender's own colour configuration knows them, taken apart for the core."""
 
+from dataclasses import replace
 from functools import cache
 
 import bpy
@@ -11,9 +12,21 @@ from ...core.base.arrays import Floats
 from ...core.base.errors import UserError
 from ...core.media.clip import Footage
 from ...core.media.colour_space import SRGB, TOP, ColourSpace
+from ...core.media.colour_tags import ColourTag
 
 HLG_GAMMA = 1.2
 """System gamma of HLG on a display of 1,000 cd/m2, for which Blender's Rec.2100-HLG is (ITU-R BT.2100-3)."""
+PROBE = np.random.default_rng(1).integers(0, TOP + 1, (16, 16, 3)).astype(np.uint16)
+"""Stored values with which colour spaces are compared."""
+TAGGED = (
+    "sRGB", "Linear Rec.709", "Display P3", "Rec.2100-PQ", "Rec.2100-HLG", "Rec.2020", "Rec.1886",
+    "Gamma 2.2 Encoded AdobeRGB", "Gamma 2.2 Encoded Rec.709", "Gamma 1.8 Encoded Rec.709",
+    "Linear Rec.2020", "Linear DCI-P3 D65", "ACEScg", "ACES2065-1", "Linear Adobe RGB",
+)  # fmt: skip
+"""Spaces of Blender's that files' tags can mean, the most usual ones first."""
+SAME, DARK = 4e-3, 1e-4
+"""Differences up to which a tag means such a space, as a share of the probe's light and beside it. Profiles
+round: those of sRGB differ by SAMEFIGURE, and the nearest other space by OTHERFIGURE."""
 REC_709 = "Linear Rec.709"
 """The working space of a new .blend."""
 ALIKE = 2e-3
@@ -44,10 +57,24 @@ def checked(name: str) -> str:
 def space_of(settings: bpy.types.PropertyGroup, footage: Footage) -> ColourSpace | None:
     """Return the colour space of a clip by the user's setting, else by its tags; UserError if it is unusable.
 
-    None for sRGB, which the core decodes itself.
+    None for sRGB, and for light of the working space in floats, which the core decodes itself.
     """
+    tags = footage.tags
+    if not settings.colour_space and tags.colour is not None:
+        return _tagged(tags.colour, tags.is_float, working_space())
     name = settings.colour_space or footage.colour_space
     return None if name in (SRGB, "sRGB") else colour_space(name)
+
+
+def image_space(settings: bpy.types.PropertyGroup, footage: Footage) -> str:
+    """Return the name of `space_of` in which Blender shows the pictures; empty where it has none.
+
+    It knows that of a video without other tags by itself.
+    """
+    space = space_of(settings, footage)
+    if space is not None or footage.is_video:
+        return settings.colour_space if space is None else space.name
+    return working_space() if footage.tags.is_float else "sRGB"
 
 
 def working_space() -> str:
@@ -69,6 +96,22 @@ def colour_space(name: str) -> ColourSpace:
 
 
 @cache
+def _tagged(tag: ColourTag, is_float: bool, working: str) -> ColourSpace | None:
+    """The colour space of a file's tag: Blender's own of the same light, else one without a name."""
+    named = colour_space(tag.transfer) if isinstance(tag.transfer, str) else None
+    curve = tag.curve if named is None else named.curve
+    matrix = (np.eye(3) if (to := from_rec_709()) is None else to) @ tag.to_rec_709
+    gamma = 1.0 if named is None else named.system_gamma
+    space = ColourSpace("", curve.astype(np.float32), matrix, gamma, True)
+    light = space.to_light(PROBE)
+    for name in TAGGED:
+        known = colour_space(name)
+        if np.all(np.abs(known.to_light(PROBE) - light) <= SAME * light.max(axis=2, keepdims=True) + DARK):
+            return None if name == (working if is_float else "sRGB") else replace(known, is_tagged=True)
+    return space
+
+
+@cache
 def _taken_apart(name: str, _working: str) -> ColourSpace:
     gamma = HLG_GAMMA if name == "Rec.2100-HLG" else 1.0
     gray = _converted(np.arange(TOP + 1, dtype=np.uint16).reshape(256, 256, 1).repeat(3, 2), name)
@@ -81,10 +124,9 @@ def _taken_apart(name: str, _working: str) -> ColourSpace:
     unmixed = ColourSpace(name, curve.astype(np.float32), np.eye(3), gamma).to_light(stored)[0].astype(float)
     matrix = np.linalg.solve(unmixed, _converted(stored, name)[0].astype(float)).T
     space = ColourSpace(name, curve.astype(np.float32), matrix, gamma)
-    probe = np.random.default_rng(1).integers(0, TOP + 1, (16, 16, 3)).astype(np.uint16)
-    truth = _converted(probe, name)
+    truth = _converted(PROBE, name)
     scale = np.abs(truth).max(axis=2, keepdims=True)
-    off = np.abs(space.to_light(probe) - truth) / np.maximum(scale, 1e-3)
+    off = np.abs(space.to_light(PROBE) - truth) / np.maximum(scale, 1e-3)
     if not np.isfinite(off).all() or off.max() > ALIKE:
         raise UserError(
             f"the color space {name} is for views or data, not for a clip; choose that of the camera, or"

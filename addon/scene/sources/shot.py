@@ -28,6 +28,7 @@ from ...core.media.light import finite
 from ...core.media.masks import Masks, open_masks
 from ...core.media.picture_file import Pixels
 from ...core.sfm.state import STATE
+from ...core.sfm.workspace import check_size
 from ...core.subjects.clip_subjects import ClipSubjects
 from ...core.subjects.networks import Networks
 from ...core.subjects.strokes import MarkedSubject
@@ -217,11 +218,11 @@ def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
     marked = subjects.marked_of(settings)
     key = (
         str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "",
-        settings.colour_space, working_space(),
+        settings.colour_space, working_space(), str(settings.clip_pixel_aspect),
     )  # fmt: skip
     if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, clip_frame(scene)):
-        reconstruction = store.read(mesh)
-        footage = open_footage(path, stills=not reconstruction.is_ordered)
+        reconstruction = reconstruction_of(settings)
+        footage = _opened(settings, path)
         check_frames(footage)
         solved = solved_part(settings, footage) if depth_path or masks_path else footage
         depth = UserDepth.of(open_depth(Path(depth_path), solved), reconstruction) if depth_path else None
@@ -240,6 +241,18 @@ def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
 
 def _was_redrawn(shot: Shot, mask: bpy.types.Mask | None, frame: int) -> bool:
     return shot.drawn is not None and mask is not None and not shot.drawn.is_still(mask, frame)
+
+
+def solved_clip(settings: bpy.types.PropertyGroup) -> Footage:
+    """Open the clip of a scene's solve; UserError where it is not found, or is another one."""
+    return _opened(settings, solved_clip_path(settings))
+
+
+def _opened(settings: bpy.types.PropertyGroup, path: Path) -> Footage:
+    reconstruction = reconstruction_of(settings)
+    clip = open_footage(path, stills=not reconstruction.is_ordered, pixel_aspect=settings.clip_pixel_aspect)
+    check_size(clip, reconstruction)
+    return clip
 
 
 def reconstruction_of(settings: bpy.types.PropertyGroup) -> Reconstruction:

@@ -52,7 +52,8 @@ class Import:
     def execute(self: Any, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture
         clip = self.clip_of(settings)
-        footage, folder = open_footage(clip), work_dir(settings, clip)
+        footage = open_footage(clip, pixel_aspect=settings.pixel_aspect)
+        folder = work_dir(settings, clip)
         found = self.read(footage)
         try:
             if found.lacks_points:
@@ -65,7 +66,7 @@ class Import:
             self.ask()
             return {"CANCELLED"}
         depth_ahead.stop()
-        solve, refocus = build_scene(context.scene, footage, folder)
+        solve, refocus = build_scene(context.scene, clip, folder)
         depth_ahead.begin_after_solve(folder)
         focus_on_person(self, context.scene)
         report_hidden(self, context.scene)

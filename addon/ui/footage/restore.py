@@ -3,11 +3,11 @@
 import bpy
 
 from ...core.base.errors import UserError
-from ...core.media.clip import Footage, open_footage
+from ...core.media.clip import Footage
 from ...scene import parts
 from ...scene.build import restore
-from ...scene.sources.clip import footage_path, solved_clip_path, work_dir
-from ...scene.sources.shot import reconstruction_of
+from ...scene.sources.clip import footage_path, work_dir
+from ...scene.sources.shot import solved_clip
 from ..base.operators import Result, may_change, polls, reported, requires
 from .solve import build_scene, is_kept
 
@@ -32,7 +32,7 @@ class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
         elif is_kept(settings):
             # The reconstruction went with the points' mesh.
             clip = footage_path(settings)
-            build_scene(scene, open_footage(clip), work_dir(settings, clip))
+            build_scene(scene, clip, work_dir(settings, clip))
             self.report({"WARNING"}, "The solve was loaded again; set the focus again")
         else:
             raise UserError("the point cloud was deleted, and the solve with it; solve the clip again")
@@ -43,6 +43,6 @@ class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
 def _footage(settings: bpy.types.PropertyGroup) -> Footage | None:
     """The solved clip; None if it is missing, which the panel shows."""
     try:
-        return open_footage(solved_clip_path(settings), stills=not reconstruction_of(settings).is_ordered)
+        return solved_clip(settings)
     except UserError:
         return None

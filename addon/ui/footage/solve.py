@@ -9,7 +9,6 @@ import bpy
 
 from ...core.base.counting import counted
 from ...core.base.errors import UserError, with_words
-from ...core.media.clip import Footage
 from ...core.media.sequence import is_pattern
 from ...core.readers.matching import Imported
 from ...core.sfm.opening import Opening
@@ -41,9 +40,10 @@ def is_kept(settings: Any) -> bool:
     return bool(settings.footage) and (work_dir(settings, footage_path(settings)) / STATE).exists()
 
 
-def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[Solve, str]:
+def build_scene(scene: bpy.types.Scene, clip: Path, folder: Path) -> tuple[Solve, str]:
     """Build the solve of a working folder into a scene; return it, and a note on its focus, or ""."""
-    solve = load_solve(folder, footage.path)
+    solve = load_solve(folder, clip)
+    footage = solve.open_clip(solve.frames)
     kept = keep_focus(scene.virtual_aperture, footage.path)
     points = scene.virtual_aperture.points
     if points is not None and points.mode == "EDIT":
@@ -145,6 +145,7 @@ class Solves:
                 yielding=not bpy.app.background,
                 cameras=self._cameras,
                 stills=stills,
+                pixel_aspect=settings.pixel_aspect,
                 depth_maps=absolute(settings.depth_maps, context.scene) if settings.depth_maps else None,
             ),
             clip.name,
@@ -216,7 +217,7 @@ class Solves:
             raise UserError(
                 f"the scene {self._scene!r} no longer exists; its solve is kept in {process.work_dir}"
             )
-        solve, note = build_scene(scene, process.clip, process.work_dir)
+        solve, note = build_scene(scene, process.clip.path, process.work_dir)
         scene.virtual_aperture.work_dir = self._folder_set
         depth_ahead.begin_after_solve(process.work_dir)
         focus_on_person(self, scene)

@@ -25,6 +25,7 @@ class VIRTUAL_APERTURE_PT_solve(ClosedPanel, bpy.types.Panel):  # noqa: N801
         elif settings.lens == "SENSOR":
             layout.prop(settings, "focal_mm")
             layout.prop(settings, "sensor_mm")
+        layout.prop(settings, "pixel_aspect")
         if settings.points is not None or solve.is_kept(settings):
             layout.operator(
                 solve.VIRTUAL_APERTURE_OT_solve.bl_idname, text="Solve Again", icon="FILE_REFRESH"
