@@ -153,7 +153,7 @@ def test_maps_that_were_cropped_by_their_window_keep_their_place(tmp_path: Path)
     assert known[5:35, 10:50].all() and known.sum() == 30 * 40
 
 
-def test_frames_of_a_clip_are_their_display_windows(tmp_path: Path) -> None:
+def test_frames_of_a_clip_are_their_display_windows(scene: bpy.types.Scene, tmp_path: Path) -> None:
     for frame, wide in ((1, 40), (2, 50)):
         colours = dict.fromkeys("RGB", np.full((9, wide), 0.5))
         (tmp_path / f"{frame}.exr").write_bytes(of_channels(colours, (0, 0), (0, 0, 63, 8)))
@@ -162,7 +162,7 @@ def test_frames_of_a_clip_are_their_display_windows(tmp_path: Path) -> None:
     assert [float(clip.read(frame)[..., 3].sum()) for frame in (1, 2)] == [9 * 40, 9 * 50]
     assert "its data window, are not all of its display window of 64x9" in clip.notes[0]
     # Blender's own background would be stretched.
-    assert "data window" in _background_problem(clip)
+    assert "data window" in _background_problem(scene.virtual_aperture, clip)
 
 
 def test_damaged_files_are_errors(tmp_path: Path) -> None:

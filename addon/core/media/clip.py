@@ -88,7 +88,7 @@ class Footage:
     """Whether the frames are photos in the order of their names, which no time has: of any sizes, `width` and
     `height` being those of the first."""
     pixel_aspect: float = 0.0
-    """Width of a stored pixel by its height, if the user has set it; 0 for what the file says."""
+    """Width of a stored pixel by its height, if the user has set it; 0 for the file's own."""
     tags: PictureTags = field(default_factory=PictureTags)
     """Those of a sequence's first file."""
     stored: tuple[int, int] = (0, 0)
@@ -245,7 +245,7 @@ def open_footage(
         stills: True for a folder of unordered photos; pictures whose names have no numbers are photos, too,
             unless there are more than `MOST_STILLS`.
         beside: Name of pictures beside a clip (`Footage.beside`).
-        pixel_aspect: Width of a stored pixel by its height; 0 for what the file says.
+        pixel_aspect: Width of a stored pixel by its height; 0 for the file's own.
 
     Raises:
         UserError: It cannot be read; the message is one line.

@@ -51,7 +51,7 @@ class ColourSpace:
     system_gamma: float = 1.0
     """1 but for HLG."""
     is_tagged: bool = False
-    """Whether the clip's files say so: the curve is of floats in them, too."""
+    """Whether it is from the tags of the clip's files: the curve is of floats in them, too."""
 
     @property
     def is_linear(self) -> bool:

@@ -1,4 +1,4 @@
-"""What picture files say about their colours: transfer function and primaries, or a colour profile.
+"""Tags of picture files for their colours: transfer function and primaries, or a colour profile.
 
 PNG's cICP, gAMA and cHRM (PNG, third edition, 2025), ICC profiles with a matrix (ICC.1:2022), OpenEXR's
 chromaticities and the identifiers of the Color Interop Forum.
@@ -21,7 +21,7 @@ REC_709 = (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, *D65)
 P3 = (0.680, 0.320, 0.265, 0.690, 0.150, 0.060)
 REC_2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, *D65)
 EXPONENT = 2.4
-"""Of a display for BT.709, BT.2020 and their relatives (ITU-R BT.1886)."""
+"""Exponent of a display for BT.709, BT.2020 and their relatives (ITU-R BT.1886)."""
 LINEAR = 1.0
 _PRIMARIES = {
     1: REC_709, 4: (0.67, 0.33, 0.21, 0.71, 0.14, 0.08, 0.310, 0.316),
@@ -48,7 +48,7 @@ _INTEROP_PRIMARIES = {
 }  # fmt: skip
 ADOBE_RGB = _INTEROP_PRIMARIES["adobergb"]
 ADOBE_EXPONENT = 563 / 256
-"""Of Adobe RGB (1998)."""
+"""Exponent of Adobe RGB (1998)."""
 APPROXIMATE = 0.45455
 """The gAMA that writers of sRGB add for decoders that know no other curve."""
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
@@ -58,7 +58,7 @@ _D50 = np.array([0.9642, 1.0, 0.8249])
 
 @dataclass(frozen=True)
 class ColourTag:
-    """How the colours of a file are stored, as it says itself."""
+    """The transfer function and the primaries with which a file stores its colours."""
 
     transfer: Transfer
     primaries: Primaries = REC_709

@@ -143,7 +143,7 @@ def without_colours(data: bytes) -> bytes:
     with contextlib.suppress(ValueError):
         size = read_header(io.BytesIO(data)).size
         for name, kind in COLOURS.items():
-            # Of the same length: all other offsets stay.
+            # The length stays, and with it all offsets.
             hidden = (f"~{name[1:]}\0{kind}\0").encode()
             data = data[:size].replace(f"{name}\0{kind}\0".encode(), hidden) + data[size:]
     return data

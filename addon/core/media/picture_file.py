@@ -55,7 +55,7 @@ def open_picture(path: Path, is_depth: bool = False, pixel_aspect: float = 0.0) 
     Args:
         path: The file.
         is_depth: True for a depth map: among several layers of an EXR the one with depth counts.
-        pixel_aspect: Width of a stored pixel by its height; 0 for what the file says.
+        pixel_aspect: Width of a stored pixel by its height; 0 for the file's own.
 
     Raises:
         UserError: It cannot be read or decoded.

@@ -1,4 +1,4 @@
-"""What picture files say about how to show them: which way up, the shape of a pixel, and their colours."""
+"""Tags of picture files: their orientation, the shape of a pixel, and their colours."""
 
 import math
 import struct
@@ -24,7 +24,7 @@ MIRRORED, UPSIDE_DOWN = (2, 3, 6, 7), (3, 4, 7, 8)
 
 @dataclass(frozen=True)
 class PictureTags:
-    """How a picture is to be shown, as its file says."""
+    """The tags of a picture file."""
 
     orientation: int = 1
     """1 to 8, of Exif; 1 is upright."""
@@ -33,11 +33,11 @@ class PictureTags:
     colour: ColourTag | None = None
     """None for sRGB, and linear Rec.709 in floats."""
     is_narrow: bool = False
-    """Whether black and white are at 16 and 235 of 255."""
+    """True if black and white are at 16 and 235 of 255."""
     is_float: bool = False
-    """Whether it holds floats, which are light unless the file says otherwise."""
+    """True if it holds floats, which are light unless a tag names another curve."""
     notes: tuple[str, ...] = ()
-    """What cannot be honoured, after the file's name."""
+    """Tags that cannot be honoured, as notes for the user after the file's name."""
 
 
 def tags_of(data: bytes, is_float: bool) -> PictureTags:

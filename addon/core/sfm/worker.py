@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import UserError
+from ..base.errors import Remedy, UserError
 from ..base.folder_lock import FolderLock
 from ..base.messages import Failure, Progress, Result, send, speak
 from ..camera.focal_length import from_equivalent, is_plausible
@@ -65,6 +65,11 @@ POINTS_TAKEN = (
     " they fit the clip is unknown"
 )
 LEFT_OUT = "the people in the clip were left out of the solve"
+SQUEEZES = (2.0, 0.5)
+"""Pixel aspects that are tried on a refused clip: of anamorphic lenses, and of pictures on their side."""
+UNSQUEEZED = 0.9
+"""Share of the observations from which such a trial counts: 0.985 of a clip that was squeezed by 2, which is
+refused at 1 and at 0.5 (`tests/sfm/test_squeezed.py`)."""
 ZOOMED = "the clip looks as if its lens zooms; if it does not, set the focal length"
 PATIENCE = 5.0
 """Seconds in which a process that ends has let go of all that it held."""
@@ -195,7 +200,26 @@ def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
     if not isinstance(refusal, StaysError):
         with contextlib.suppress(UserError):
             return _mapped(job, footage, match_features(footage, _progress), False)
+        if ratio := _squeeze(job, footage, tracks):
+            raise UserError(
+                f"{refusal}; with a pixel aspect of {ratio:g} the clip fits a static scene: the picture may"
+                " be squeezed",
+                *refusal.remedies,
+                Remedy.PIXEL_ASPECT,
+            )
     raise refusal
+
+
+def _squeeze(job: dict[str, Any], footage: Footage, tracks: Tracks) -> float:
+    """The pixel aspect with which the clip is solved well, if neither file nor user has set one; else 0."""
+    if footage.pixel_aspect or footage.stored_size != (footage.width, footage.height):
+        return 0.0
+    for ratio in SQUEEZES:
+        wide = replace(tracks, width=round(ratio * tracks.width), xy=tracks.xy * [ratio, 1.0])
+        with contextlib.suppress(UserError):
+            if _mapped(job, footage, wide, False).said["explained"] >= UNSQUEEZED:
+                return ratio
+    return 0.0
 
 
 def _without_people(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found | None:

@@ -66,7 +66,7 @@ class Import:
             self.ask()
             return {"CANCELLED"}
         depth_ahead.stop()
-        solve, refocus = build_scene(context.scene, clip, folder)
+        solve, refocus = build_scene(context.scene, footage, folder)
         depth_ahead.begin_after_solve(folder)
         focus_on_person(self, context.scene)
         report_hidden(self, context.scene)

@@ -3,7 +3,7 @@
 import bpy
 
 from ...core.base.errors import UserError
-from ...core.media.clip import Footage
+from ...core.media.clip import Footage, open_footage
 from ...scene import parts
 from ...scene.build import restore
 from ...scene.sources.clip import footage_path, work_dir
@@ -32,7 +32,7 @@ class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
         elif is_kept(settings):
             # The reconstruction went with the points' mesh.
             clip = footage_path(settings)
-            build_scene(scene, clip, work_dir(settings, clip))
+            build_scene(scene, open_footage(clip), work_dir(settings, clip))
             self.report({"WARNING"}, "The solve was loaded again; set the focus again")
         else:
             raise UserError("the point cloud was deleted, and the solve with it; solve the clip again")

@@ -9,6 +9,7 @@ import bpy
 
 from ...core.base.counting import counted
 from ...core.base.errors import UserError, with_words
+from ...core.media.clip import Footage
 from ...core.media.sequence import is_pattern
 from ...core.readers.matching import Imported
 from ...core.sfm.opening import Opening
@@ -40,10 +41,10 @@ def is_kept(settings: Any) -> bool:
     return bool(settings.footage) and (work_dir(settings, footage_path(settings)) / STATE).exists()
 
 
-def build_scene(scene: bpy.types.Scene, clip: Path, folder: Path) -> tuple[Solve, str]:
+def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[Solve, str]:
     """Build the solve of a working folder into a scene; return it, and a note on its focus, or ""."""
-    solve = load_solve(folder, clip)
-    footage = solve.open_clip(solve.frames)
+    solve = load_solve(folder, footage.path)
+    footage = solve.open_clip(footage.frames)
     kept = keep_focus(scene.virtual_aperture, footage.path)
     points = scene.virtual_aperture.points
     if points is not None and points.mode == "EDIT":
@@ -217,7 +218,7 @@ class Solves:
             raise UserError(
                 f"the scene {self._scene!r} no longer exists; its solve is kept in {process.work_dir}"
             )
-        solve, note = build_scene(scene, process.clip.path, process.work_dir)
+        solve, note = build_scene(scene, process.clip, process.work_dir)
         scene.virtual_aperture.work_dir = self._folder_set
         depth_ahead.begin_after_solve(process.work_dir)
         focus_on_person(self, scene)

@@ -1,0 +1,38 @@
+"""Clips of anamorphic lenses: refused with their way out, and solved in their true shape."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from addon.core.base.errors import Remedy, UserError
+from addon.core.sfm.process import SolveProcess
+from addon.core.sfm.workspace import load_solve
+
+from .. import planes
+from .squeezed_clip import rolling
+
+
+@pytest.mark.parametrize("tagged", [True, False])
+def test_a_squeezed_clip_is_solved_in_its_true_shape(tmp_path: Path, tagged: bool) -> None:
+    clip, work = rolling(tmp_path / "clip", tagged), tmp_path / "work"
+    SolveProcess(clip, work, pixel_aspect=0.0 if tagged else 2.0).wait()
+    solved = load_solve(work)
+    camera = solved.reconstruction.cameras[0]
+    assert (camera.width, camera.height) == planes.SIZE
+    assert camera.fx == pytest.approx(planes.FOCAL, rel=0.03) and camera.fx == pytest.approx(camera.fy)
+    opened = solved.open_clip()
+    assert (opened.width, opened.height) == planes.SIZE and opened.read(3).shape[:2] == planes.SIZE[::-1]
+    # What is not asked for is taken from the kept solve, and another ratio is another solve.
+    assert SolveProcess(clip, work).finished
+    other = SolveProcess(clip, work, pixel_aspect=1.5)
+    assert not other.finished
+    other.cancel()
+
+
+def test_a_refused_clip_that_looks_squeezed_says_so(tmp_path: Path) -> None:
+    process = SolveProcess(rolling(tmp_path / "clip", False), tmp_path / "work")
+    with pytest.raises(UserError, match="with a pixel aspect of 2 the clip fits a static scene") as e:
+        process.wait()
+    assert Remedy.PIXEL_ASPECT in e.value.remedies
