@@ -332,6 +332,25 @@ def test_frames_of_other_colours_are_refused_by_name(scene: bpy.types.Scene, tmp
         clip.read(2)
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_frames_that_are_tagged_alike_in_other_words_are_one_clip(
+    scene: bpy.types.Scene, tmp_path: Path, first: bool
+) -> None:
+    """Editors add a profile, or leave it out."""
+    packed = b"x\0\0" + zlib.compress(profile("LittleCMS sRGB"))
+    ways = [
+        with_chunks(PNG, iCCP=packed),
+        PNG,
+        with_chunks(PNG, sRGB=b"\0"),
+        with_chunks(PNG, gAMA=gama(45_455)),
+    ]
+    for number, data in enumerate(ways if first else ways[::-1], 1):
+        (tmp_path / f"f_{number}.png").write_bytes(data)
+    clip = open_footage(tmp_path)
+    assert all(np.array_equal(clip.read(1), clip.read(frame)) for frame in clip.frames)
+    assert space_of(scene.virtual_aperture, clip) is None
+
+
 def test_hdr_light(scene: bpy.types.Scene, tmp_path: Path) -> None:
     """PQ and HLG by the formulas of ITU-R BT.2100, which share nothing with Blender's configuration."""
     truth = np.random.default_rng(4).uniform(0.001, 4, (16, 16, 3))

@@ -21,6 +21,7 @@ from ..base.regular_file import open_regular, regular_stat
 from .colour_space import SRGB
 from .exr_parts import read_header
 from .frame_table import DEFAULT_RATE
+from .light import same_colours
 from .picture_file import PICTURES, Pixels, full_range, open_picture
 from .picture_tags import MOST_ASPECT, PictureTags
 from .sequence import LAST_FRAME, clip_files, frames_of, is_pattern, name_numbers, pattern_numbers
@@ -216,7 +217,7 @@ class Footage:
         found = open_picture(file, self.is_depth, self.pixel_aspect)
         if self.beside:
             return found.pixels
-        if found.tags.colour != self.tags.colour:
+        if not same_colours(found.tags.colour, self.tags.colour):
             raise UserError(
                 f"the colors of {file.name} are stored in another way than those of {self.files[0].name}, as"
                 " the files say; convert the pictures to one color space"

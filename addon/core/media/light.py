@@ -1,12 +1,17 @@
 """Stored pixels as linear light, as display values, and as 8-bit pictures."""
 
+from functools import cache
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.nearest_fill import nearest
+from .colour_tags import ColourTag
 from .picture_file import Pixels
 
+ROUNDED = 4e-3
+"""Difference of light between two profiles of one space, which round (`scene/sources/colour_space.SAME`)."""
 BRIGHTEST = 65504.0
 """The largest number that a half float holds: sums over hundreds of views of it stay finite."""
 
@@ -21,6 +26,20 @@ def finite(picture: Pixels) -> tuple[Pixels, int]:
     known = np.isfinite(picture).all(axis=2)
     filled = nearest(np.where(known[..., None], picture, np.float32(0)), known)
     return np.asarray(np.clip(filled, 0, BRIGHTEST), np.float32), int(np.count_nonzero(~known))
+
+
+@cache
+def same_colours(one: ColourTag | None, other: ColourTag | None) -> bool:
+    """Return whether two tags of integers mean the same light; None is sRGB."""
+    tags = [tag or ColourTag("sRGB") for tag in (one, other)]
+    if tags[0] == tags[1]:
+        return True
+    if any(isinstance(tag.transfer, str) and tag.transfer != "sRGB" for tag in tags):
+        return False
+    srgb = decode_srgb(np.linspace(0, 1, 65536))
+    curves = [srgb if tag.transfer == "sRGB" else tag.curve for tag in tags]
+    parts = [*curves, *(tag.to_rec_709 for tag in tags)]
+    return bool(max(np.abs(parts[0] - parts[1]).max(), np.abs(parts[2] - parts[3]).max()) < ROUNDED)
 
 
 def to_linear(picture: Pixels) -> NDArray[np.float32]:
