@@ -201,6 +201,9 @@ def set_moving(
     if options.colour_space:
         settings.colour_space = colour_space.checked(options.colour_space)
         colour_space.colour_space(settings.colour_space)
+    settings.fixed = options.fixed is not False
+    if (fixed := shot_of(settings.id_data).fixed) is not None:
+        say(f"note: {fixed.note}")
     set_marked(settings, subjects_of(options, _registered(solved.reconstruction, frames)))
     if options.mask:
         masks = open_masks(options.mask.absolute(), solved.open_clip(solved.frames))

@@ -12,6 +12,7 @@ from ..core.base.regular_file import read_regular
 from ..core.focus.focus import FEWEST_IN_PLANE
 from ..core.frame.options import FRAME_OPTIONS
 from ..core.frame.repairs import KINDS, read_repairs
+from ..core.media.fixed_area import FIXED
 from .aperture import add_aperture, placed
 from .blend import is_blend
 from .options import Parser, UsageError, add_options, path, real, whole
@@ -84,6 +85,7 @@ def add_moving(command: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="your own mattes of moving objects: images in which white or opaque moves, gray moves in part",
     )
+    add_options(command, {FIXED.name: FIXED})
     add_subjects(command)
     command.add_argument(
         "--colour-space", "--color-space", metavar="NAME",

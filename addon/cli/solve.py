@@ -12,6 +12,7 @@ from ..core.base.errors import UserError, Words
 from ..core.base.streams import say
 from ..core.camera.focal_length import Focal, from_equivalent, from_field_of_view, from_sensor
 from ..core.media.clip import Footage, FrameRange, open_footage
+from ..core.media.fixed_area import FIXED
 from ..core.readers import read_reconstruction, recorded_clip, recorded_depth
 from ..core.readers.matching import Imported
 from ..core.sfm.process import SolveProcess, SolveProgress
@@ -20,7 +21,7 @@ from ..scene.sources.movieclip import read_movie_clip
 from ..scene.sources.scene_camera import cameras_of, read_scene_camera
 from .blend import open_scene
 from .depth import depth_of_solve
-from .options import Commands, UsageError, path, real
+from .options import Commands, UsageError, add_options, path, real
 from .words import IMPORT_WORDS
 
 
@@ -40,6 +41,7 @@ def add_commands(commands: Commands, common: argparse.ArgumentParser) -> None:
         help="your own depth maps, for a clip whose camera only turns or does not move",
     )  # fmt: skip
     one.add_argument("--depth", action="store_true", help="also find and keep the depth of all frames")
+    add_options(one, {FIXED.name: FIXED})
     one.set_defaults(command=solve)
     two = commands.add_parser("report", parents=[common], help="how good a solve is, and advice")
     two.add_argument("work", type=path, metavar="DIR", help="folder of the solve")
@@ -130,7 +132,8 @@ def solve_arguments(options: argparse.Namespace) -> list[str]:
         if (value := getattr(options, name)) is not None:
             words += [f"--{name.replace('_', '-')}", str(value)]
     words += ["--frames", str(options.solve_frames)] if options.solve_frames else []
-    return words + ["--zoom"] * options.zoom + ["--stills"] * options.stills
+    whole = ["--fixed", "off"] if options.fixed is False else []
+    return [*words, *whole, *["--zoom"] * options.zoom, *["--stills"] * options.stills]
 
 
 def solve(options: argparse.Namespace) -> None:
@@ -163,6 +166,7 @@ def solve_clip(
     process = SolveProcess(
         options.footage, work.absolute(), options.solve_frames, _focal(options), options.again,
         options.zoom, depth_maps=depth_maps, stills=options.stills, pixel_aspect=options.pixel_aspect or 0.0,
+        fixed=options.fixed is not False,
     )  # fmt: skip
     _wait(process, check)
     return load_solve(work.absolute(), process.clip.path)

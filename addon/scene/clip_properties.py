@@ -3,7 +3,9 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from ..core.media.fixed_area import FIXED
 from ..core.media.picture_tags import MOST_ASPECT
+from .base.option_properties import property_of
 from .lens_properties import aperture_changed
 from .sources import colour_space
 from .sources.subjects import VirtualApertureSubjects
@@ -100,6 +102,7 @@ class ClipProperties:
         description="Mask drawn around moving objects in the Image or Movie Clip Editor, feather included."
         " Tracks that drive its points are ignored",
     )
+    fixed: property_of(FIXED, aperture_changed)
     subjects: PointerProperty(
         type=VirtualApertureSubjects, name="Subjects", description="Moving subjects marked by strokes"
     )

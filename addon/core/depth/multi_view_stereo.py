@@ -96,6 +96,7 @@ class PlaneSweepStereo:
         mask: Moving | None = None,
         unseen: Moving | None = None,
         matcher: Matcher = winning_levels,
+        fixed: Mask | None = None,
     ) -> None:
         """Prepare the depth of a clip's frames.
 
@@ -106,9 +107,10 @@ class PlaneSweepStereo:
             mask: Moving pixels of swept frames.
             unseen: Moving pixels of source views, where `mask` is too slow for these.
             matcher: Finds the depth levels.
+            fixed: Pixels (H, W) of all source frames that do not show the scene.
         """
         self._rec, self._read, self._long_side, self._mask = reconstruction, read, long_side, mask
-        self._unseen, self._matcher = unseen or mask, matcher
+        self._unseen, self._matcher, self._fixed = unseen or mask, matcher, fixed
         self._pictures = LRUCache[Bytes](KEPT_PICTURES, lambda picture: picture.nbytes)
         self._ranges = LRUCache[tuple[float, float]]()
         self._parallaxes = LRUCache[list[tuple[Image, float]]]()
@@ -205,6 +207,7 @@ class PlaneSweepStereo:
         small = np.dstack([small, np.full(small.shape[:2], 255, np.uint8)])
         small = _straightened(small, canvas) if canvas.camera.is_distorted else small
         small[self.on_canvas(image, self._unseen(image.frame) if self._unseen else None), 3] = MASKED
+        small[self.on_canvas(image, self._fixed), 3] = 0
         return small
 
     def _masked(self, image: Image) -> Mask:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..base.lru_cache import remembered
+from ..base.nearest_fill import nearest
 from ..base.progress import stage
 from ..base.reused_memory import ReusedMemory
 from ..base.store import NOT_KEPT, Store, numbers
@@ -21,13 +22,14 @@ from ..depth.completed_depth import CompletedDepth
 from ..depth.flat_scene import EstimatedDepth
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving, PlaneSweepStereo
-from ..depth.source import FAINTEST, DepthSource, FirstKnown, PixelDepth
+from ..depth.source import FAINTEST, SURE, DepthSource, FirstKnown, PixelDepth
 from ..depth.sparse import DepthSamples
 from ..depth.sparse_depth import SparseDepth
 from ..depth.stereo_depth import NoDepth, StereoDepth
 from ..depth.temporal_fusion import TemporalFusion
 from ..focus.place import Place, PlaceFinder
 from ..focus.subject import subject_place
+from ..media.fixed_area import FixedArea
 from ..media.light import to_linear
 from ..media.noise import NUMBERS, Noise, measured
 from ..media.picture_file import Pixels
@@ -35,6 +37,7 @@ from ..subjects.carried import CarriedSubject
 from ..subjects.clip_subjects import ClipSubject, ClipSubjects
 from ..subjects.strokes import MarkedSubject
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
+from .detail import resized
 from .highlights import RESTORED, ClipHighlights, HighlightSettings
 from .moving_parts import MovingParts
 from .own_lens import OwnLens, own_lens
@@ -80,6 +83,17 @@ class ClipContext:
     """The user's depth maps, used where stereo is uncertain."""
     from_rec_709: Floats | None = None
     """(3, 3) from the primaries of Rec.709, those of integer pictures, to those of the working space."""
+    fixed: FixedArea | None = None
+    """Pixels that do not show the scene, such as black bars: nothing is made from them."""
+
+    def scene(self, frame: int) -> Pixels:
+        """Return a frame as `read`, with the scene mirrored into the fixed area."""
+        stored = self.read(frame)
+        return stored if self.fixed is None else self.fixed.without(stored)
+
+    @property
+    def _fixed(self) -> Mask | None:
+        return None if self.fixed is None else self.fixed.covered
 
     @cached_property
     def stereo(self) -> TemporalFusion:
@@ -95,13 +109,19 @@ class ClipContext:
     def _stereo(self, quality: Quality) -> TemporalFusion:
         if not quality.finds_subjects:
             alone = PlaneSweepStereo(
-                self.reconstruction, self.read, quality.stereo_side, self.masks, matcher=self.matcher
+                self.reconstruction,
+                self.scene,
+                quality.stereo_side,
+                self.masks,
+                None,
+                self.matcher,
+                self._fixed,
             )
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
         store = self._store_of(quality)
         single_frame = PlaneSweepStereo(
-            self.reconstruction, self.read, quality.stereo_side, self.moving, self.masks or _nothing,
-            self.matcher,
+            self.reconstruction, self.scene, quality.stereo_side, self.moving, self.masks or _nothing,
+            self.matcher, self._fixed,
         )  # fmt: skip
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion, self._parts.placed)
 
@@ -146,13 +166,13 @@ class ClipContext:
     @cached_property
     def _parts(self) -> MovingParts:
         return MovingParts(
-            self.reconstruction, self.read, self._subjects, self.marked, self.masks, self.matcher,
-            self.maps is not None,
+            self.reconstruction, self.scene, self._subjects, self.marked, self.masks, self.matcher,
+            self.maps is not None, self._fixed,
         )  # fmt: skip
 
     @cached_property
     def _subjects(self) -> ClipSubjects:
-        return self.known_subjects or ClipSubjects(self.reconstruction, self.read)
+        return self.known_subjects or ClipSubjects(self.reconstruction, self.scene)
 
     @remembered()
     def _store_of(self, quality: Quality) -> Store:
@@ -165,17 +185,28 @@ class ClipContext:
         Float pictures hold values above white, and are not restored. Raises UserError if a frame cannot be
         read.
         """
-        stored = self.read(frame)
+        stored = self.scene(frame)
         linear = to_linear(stored)
-        if stored.dtype == np.float32:
-            return linear
-        if highlights.gain:
+        if highlights.gain and stored.dtype != np.float32:
             linear = self._highlights_of(highlights.threshold).restored(frame, linear, highlights.gain)
-        if self.from_rec_709 is not None:
-            matrix = np.eye(4, dtype=np.float32)
-            matrix[:3, :3] = self.from_rec_709
-            linear = np.asarray(cv2.transform(linear, matrix), np.float32)
-        return linear
+        return self._in_working_space(linear, stored)
+
+    def _in_working_space(self, linear: LinearRGBA, stored: Pixels) -> LinearRGBA:
+        """Convert a picture (H, W, 4) in linear light of one as it is stored."""
+        if self.from_rec_709 is None or stored.dtype == np.float32:
+            return linear
+        matrix = np.eye(4, dtype=np.float32)
+        matrix[:3, :3] = self.from_rec_709
+        return np.asarray(cv2.transform(linear, matrix), np.float32)
+
+    def with_fixed(self, frame: int, picture: LinearRGBA) -> LinearRGBA:
+        """Return a picture (H, W, 4) of a frame, of any size, with the clip's own fixed pixels."""
+        if self.fixed is None:
+            return picture
+        stored = self.read(frame)
+        light = self._in_working_space(to_linear(stored), stored)
+        own = resized(np.where(self.fixed.mask[..., None], light, 0), (picture.shape[1], picture.shape[0]))
+        return own + np.maximum(1 - own[..., 3:], 0) * picture
 
     def knows_highlights(self, frame: int, highlights: HighlightSettings) -> bool:
         """Return whether a frame's highlights are remembered or stored, so that `picture` is quick."""
@@ -183,7 +214,7 @@ class ClipContext:
 
     @remembered()
     def _highlights_of(self, threshold: float) -> ClipHighlights:
-        return ClipHighlights(self.reconstruction, self.read, threshold, self.clip_store)
+        return ClipHighlights(self.reconstruction, self.scene, threshold, self.clip_store)
 
     @remembered(1)
     def steady_path(self, strength: float, fills: bool = False) -> SteadyPath:
@@ -208,7 +239,7 @@ class ClipContext:
 
         def find() -> Floats:
             with stage("Noise", 0.0, 0.0):
-                found = measured(self.read, frames)
+                found = measured(self.scene, frames)
             return np.zeros(0) if found is None else found.numbers
 
         return Noise.of(self.clip_store.once(numbers("clip-noise", 0, NUMBERS), find))
@@ -216,7 +247,7 @@ class ClipContext:
     @cached_property
     def own_lens(self) -> OwnLens | None:
         """The lens of the camera; None without depth of field. Raises UserError if a frame cannot be read."""
-        return own_lens(self.reconstruction, self.read, self.clip_store)
+        return own_lens(self.reconstruction, self.scene, self.clip_store)
 
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:
         """Return the source of depth in a quality, the only one for picking, following and drawing.
@@ -256,7 +287,7 @@ class ClipContext:
     ) -> PlaceFinder:
         """Return the finder of focus in a registered frame, by its own depth or a repaired one."""
         source, subject_at = depth or self.depth_source(), partial(self._place_on_subject, frame)
-        return PlaceFinder(self.reconstruction, source, self.read, frame, subject_at, is_repaired)
+        return PlaceFinder(self.reconstruction, source, self.scene, frame, subject_at, is_repaired)
 
     @property
     def may_focus_on_subjects(self) -> bool:
@@ -302,7 +333,18 @@ class ClipContext:
         """
         found = self.depth_source(quality).at(frame, canvas, picture)
         assert found is not None  # Stereo has a depth for every frame, or raises an error.
-        return found
+        if self.fixed is None or not picture.size:
+            return found
+        # Where other frames do not know what is behind, the scene beside it goes on.
+        hidden = (
+            canvas.from_source(
+                cv2.resize(self.fixed.covered.astype(np.float32), (canvas.camera.width, canvas.camera.height))
+            )
+            > 0
+        )
+        if found.confidence is not None and self.maps is None:
+            hidden &= found.confidence <= SURE
+        return replace(found, inverse_depth=nearest(found.inverse_depth, ~hidden))
 
     def hidden_colours(
         self,
@@ -338,8 +380,17 @@ class ClipContext:
     def _disocclusion(self, highlights: HighlightSettings) -> DisocclusionFill:
         """Return the fill for settings of highlights; only the last, as pictures are large."""
         return DisocclusionFill(
-            self.reconstruction, lambda other: self.picture(other, highlights), self.moving
+            self.reconstruction, lambda other: self.picture(other, highlights), self._foreign
         )
+
+    def _foreign(self, frame: int) -> Mask | None:
+        """Return the pixels (h, w) of a source frame that do not show the static scene."""
+        moving, fixed = self.moving(frame), self._fixed
+        if moving is None or fixed is None:
+            return fixed if moving is None else moving
+        size = fixed.shape[1], fixed.shape[0]
+        whole = cv2.resize(moving.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+        return np.asarray(fixed | (whole > 0))
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples:
         """Return positions of known depth for a coarse mesh, from maps or feature points."""

@@ -154,6 +154,11 @@ def _add_grain(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
     return grain.grained(picture, lost, noise, warped.plan.frame, settings.grain, drawing.source)
 
 
+def _keep_fixed(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
+    """Put the clip's fixed pixels, such as black bars, back in their place."""
+    return drawing.geometry.clip.with_fixed(drawing.geometry.frame, picture)
+
+
 EFFECTS = (
     Effect(before=_complete_own_lens),
     Effect(on_mean=_normalize_barrel),
@@ -162,5 +167,6 @@ EFFECTS = (
     Effect(after=_add_detail),
     Effect(after=_shift_colours),
     Effect(after=_add_grain),
+    Effect(after=_keep_fixed),
 )
 """All effects."""

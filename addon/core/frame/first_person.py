@@ -49,7 +49,7 @@ def nearest_subject(clip: ClipContext, networks: Networks | None = None) -> Plac
         mask = shown[nearest].mask(frame)
         face = None
         if kind == "person":
-            face = face_of(networks or Networks(), displayed(clip.read(frame)), mask)
+            face = face_of(networks or Networks(), displayed(clip.scene(frame)), mask)
         found = replace(places[nearest], source=f"the nearest {kind}")
         if face is None:
             return replace(found, xy=middle_of(mask))

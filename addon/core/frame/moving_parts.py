@@ -47,6 +47,8 @@ class MovingParts:
     """Finds the depth levels of pixels."""
     has_maps: bool = False
     """True if the user has given depth maps."""
+    fixed: Mask | None = None
+    """Pixels (H, W) of all source frames that do not show the scene."""
 
     @cached_property
     def every_subject(self) -> list[ClipSubject]:
@@ -133,7 +135,9 @@ class MovingParts:
     @cached_property
     def static(self) -> StaticDepth:
         """Coarse depth of the static scene."""
-        return StaticDepth(self.reconstruction, self.read, self.masks, self.subjects.store, self.matcher)
+        return StaticDepth(
+            self.reconstruction, self.read, self.masks, self.subjects.store, self.matcher, self.fixed
+        )
 
     @cached_property
     def scene(self) -> FlatScene:

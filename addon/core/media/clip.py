@@ -20,6 +20,7 @@ from ..base.file_names import checked_name
 from ..base.regular_file import open_regular, regular_stat
 from .colour_space import SRGB
 from .exr_parts import read_header
+from .fixed_area import FixedArea
 from .frame_table import DEFAULT_RATE
 from .light import same_colours
 from .picture_file import PICTURES, Pixels, full_range, open_picture
@@ -94,6 +95,8 @@ class Footage:
     """Those of a sequence's first file."""
     stored: tuple[int, int] = (0, 0)
     """Width and height of it upright, in stored pixels."""
+    fixed: FixedArea | None = None
+    """Pixels that do not show the scene: frames are read without them."""
 
     @cached_property
     def _video(self) -> VideoReader:
@@ -122,9 +125,9 @@ class Footage:
     @property
     def notes(self) -> list[str]:
         """Notes on the clip for the user, a line each."""
+        found = [] if self.fixed is None else [self.fixed.note]
         if self.video is not None:
-            return self.video.notes
-        found = []
+            return [*self.video.notes, *found]
         if self.numbers:
             found.append(
                 f"the file names count from {self.numbers[0]} to {self.numbers[-1]}, but Blender's last frame"
@@ -211,7 +214,7 @@ class Footage:
             if self.is_video:
                 raise UserError(f"{problem}; choose frames before it", Remedy.FRAMES)
             raise UserError(f"{problem}; unordered photos can be solved as stills", Remedy.STILLS)
-        return picture
+        return picture if self.fixed is None else self.fixed.without(picture)
 
     def _picture(self, file: Path) -> Pixels:
         found = open_picture(file, self.is_depth, self.pixel_aspect)

@@ -74,6 +74,7 @@ class SolveProcess:
         depth_maps: Path | None = None,
         stills: bool = False,
         pixel_aspect: float = 0.0,
+        fixed: bool = True,
     ) -> None:
         """Start a solve.
 
@@ -89,6 +90,7 @@ class SolveProcess:
             depth_maps: Maps for a camera that stays in its place, which is refused without.
             stills: True for unordered photos; a sequence that cannot be followed may turn out to be photos.
             pixel_aspect: As of `open_footage`.
+            fixed: True to leave out what is burnt into the clip.
         """
         self.work_dir = work_dir
         self._yields = yielding
@@ -110,6 +112,7 @@ class SolveProcess:
         # Values that were not requested are taken from the kept solve.
         self._options["stills"] = self.clip.is_stills or None
         self._options["pixel_aspect"] = pixel_aspect or None
+        self._options["fixed"] = fixed
         if self._is_kept(again):
             self.finished = True
             return
@@ -148,6 +151,7 @@ class SolveProcess:
             "folder": str(folder),
             "stills": self.clip.is_stills,
             "pixel_aspect": self.clip.pixel_aspect,
+            "fixed": self._options["fixed"],
             "may_stay": self._maps is not None,
             "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
             "cameras": None,

@@ -24,6 +24,7 @@ from ..media import picture_file
 from ..media.clip import Footage, open_footage
 from ..media.container import equivalent_focal
 from ..media.exif import photo_data
+from ..media.fixed_area import fixed_area
 from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from .calibration import lens
@@ -32,7 +33,7 @@ from .mapping.known_cameras import read_cameras
 from .mapping.report import STAYS
 from .mapping.visibility import visible_points
 from .tracking.degeneracy import StaysError, refuse_cuts
-from .tracking.people_left_out import without_people
+from .tracking.people_left_out import outside, without_people
 from .tracking.photo_matching import Photo, find_features, match_all
 from .tracking.tracker_pictures import Watch
 from .tracking.tracks import Tracks, are_bridged, check_shape, cuts, match_features, track_features
@@ -154,10 +155,12 @@ def _solve_photos(footage: Footage, job: dict[str, Any], folder: Path) -> dict[s
 def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Solve a clip into the folder; returns the report's figures."""
     check_shape(footage)
-    tracker, tracks = "harris", track_features(footage, _progress, Watch(send))
+    if job["fixed"]:
+        footage = replace(footage, fixed=fixed_area(footage.read, footage.frames))
+    tracker, tracks = "harris", _of_scene(track_features(footage, _progress, Watch(send)), footage)
     if (jumps := cuts(tracks)) and (job["cameras"] or are_bridged(footage, jumps)):
         # Known cameras connect shots. A fast motion of the camera loses corners, but not keypoints.
-        tracker, tracks = "sift", match_features(footage, _progress)
+        tracker, tracks = "sift", _of_scene(match_features(footage, _progress), footage)
     if job["cameras"] is None:
         refuse_cuts(tracks)
     found = _held(job, tracks, folder) if job["cameras"] else _solved(job, footage, tracks)
@@ -176,6 +179,12 @@ def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str
         **found.said,
         "notes": [*footage.notes, *found.said["notes"]],
     }
+
+
+def _of_scene(tracks: Tracks, footage: Footage) -> Tracks:
+    """The tracks outside of what is fixed."""
+    fixed = footage.fixed
+    return tracks if fixed is None else outside(tracks, lambda _: fixed.covered)
 
 
 @dataclass(frozen=True)
@@ -199,7 +208,7 @@ def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
         refusal = type(error)(f"{error} ({LEFT_OUT})", *error.remedies)
     if not isinstance(refusal, StaysError):
         with contextlib.suppress(UserError):
-            return _mapped(job, footage, match_features(footage, _progress), False)
+            return _mapped(job, footage, _of_scene(match_features(footage, _progress), footage), False)
         if ratio := _squeeze(job, footage, tracks):
             raise UserError(
                 f"{refusal}; with a pixel aspect of {ratio:g} the clip fits a static scene: the picture may"

@@ -45,10 +45,14 @@ class StaticDepth:
     """Storage of the source frames' depth."""
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels."""
+    fixed: Mask | None = None
+    """Pixels (H, W) of all source frames that do not show the scene."""
 
     @cached_property
     def _sweep(self) -> PlaneSweepStereo:
-        return PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, matcher=self.matcher)
+        return PlaneSweepStereo(
+            self.reconstruction, self.read, COARSE, self.masks, matcher=self.matcher, fixed=self.fixed
+        )
 
     @cached_property
     def _shown(self) -> PlaneSweepStereo:

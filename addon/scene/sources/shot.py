@@ -24,6 +24,7 @@ from ...core.frame.quality import Quality
 from ...core.media.clip import Footage, open_footage
 from ...core.media.clip_identity import clip_digest, identity
 from ...core.media.colour_space import ColourSpace
+from ...core.media.fixed_area import FixedArea, fixed_area
 from ...core.media.light import finite
 from ...core.media.masks import Masks, open_masks
 from ...core.media.picture_file import Pixels
@@ -99,6 +100,8 @@ class Shot:
     """As of `ClipContext`."""
     work: Path | None = None
     """The folder that keeps the solve, if there is one: depth is kept there, too."""
+    keeps_fixed: bool = True
+    """True to leave out what is burnt into the clip, and to keep it as it is."""
 
     filmed: Filmed | None = field(default=None, repr=False, compare=False)
     found: ClipSubjects | None = field(default=None, repr=False, compare=False)
@@ -110,8 +113,16 @@ class Shot:
         return ClipContext(
             self.reconstruction, self.read, None, self._masks, self._store,
             self.subjects, self._found, self._kept(self._highlight_key), gpu_matcher.winning_levels,
-            self.depth, self.from_rec_709,
+            self.depth, self.from_rec_709, self.fixed,
         )  # fmt: skip
+
+    @cached_property
+    def fixed(self) -> FixedArea | None:
+        """What is burnt into the clip; UserError where a frame cannot be read."""
+        if not self.keeps_fixed or self.footage.is_stills:
+            return None
+        frames = [int(frame) for frame in self.reconstruction.frames]
+        return fixed_area(self.footage.read, frames, self._kept(self._highlight_key))
 
     def with_subjects(self, marked: tuple[MarkedSubject, ...]) -> Shot:
         """Return the shot with others marked."""
@@ -124,7 +135,8 @@ class Shot:
 
     @cached_property
     def _found(self) -> ClipSubjects:
-        return self.found or ClipSubjects(self.reconstruction, self.read, self._kept(self._subject_key))
+        read = self.read if self.fixed is None else lambda frame: self.context.scene(frame)
+        return self.found or ClipSubjects(self.reconstruction, read, self._kept(self._subject_key))
 
     @property
     def _masks(self) -> Callable[[int], Map | None] | None:
@@ -173,7 +185,12 @@ class Shot:
         space = () if self.space is None else (self.space.name,)
         if self.space is not None and self.working != REC_709:
             space = *space, self.working
-        return identity(self.footage.path), self._reconstruction_digest, *space
+        return (
+            identity(self.footage.path),
+            self._reconstruction_digest,
+            *space,
+            *["whole"] * (not self.keeps_fixed),
+        )
 
     @cached_property
     def _reconstruction_digest(self) -> str:
@@ -218,7 +235,7 @@ def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
     marked = subjects.marked_of(settings)
     key = (
         str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "",
-        settings.colour_space, working_space(), str(settings.clip_pixel_aspect),
+        settings.colour_space, working_space(), str(settings.clip_pixel_aspect), str(settings.fixed),
     )  # fmt: skip
     if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, clip_frame(scene)):
         reconstruction = reconstruction_of(settings)
@@ -233,7 +250,10 @@ def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
         kept = work if (work / STATE).exists() else None
         space = space_of(settings, footage)
         light = space, working_space(), from_rec_709()
-        _last = (key, Shot(footage, reconstruction, depth, masks, shapes, marked, *light, kept))
+        _last = (
+            key,
+            Shot(footage, reconstruction, depth, masks, shapes, marked, *light, kept, settings.fixed),
+        )
     elif _last[1].subjects != marked:
         _last = (key, _last[1].with_subjects(marked))
     return _last[1]

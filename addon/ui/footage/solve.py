@@ -147,6 +147,7 @@ class Solves:
                 cameras=self._cameras,
                 stills=stills,
                 pixel_aspect=settings.pixel_aspect,
+                fixed=settings.fixed,
                 depth_maps=absolute(settings.depth_maps, context.scene) if settings.depth_maps else None,
             ),
             clip.name,
