@@ -37,7 +37,6 @@ from ..subjects.carried import CarriedSubject
 from ..subjects.clip_subjects import ClipSubject, ClipSubjects
 from ..subjects.strokes import MarkedSubject
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
-from .detail import resized
 from .highlights import RESTORED, ClipHighlights, HighlightSettings
 from .moving_parts import MovingParts
 from .own_lens import OwnLens, own_lens
@@ -199,14 +198,13 @@ class ClipContext:
         matrix[:3, :3] = self.from_rec_709
         return np.asarray(cv2.transform(linear, matrix), np.float32)
 
-    def with_fixed(self, frame: int, picture: LinearRGBA) -> LinearRGBA:
-        """Return a picture (H, W, 4) of a frame, of any size, with the clip's own fixed pixels."""
+    def fixed_light(self, frame: int) -> LinearRGBA | None:
+        """Return a picture (H, W, 4) of a frame's fixed pixels alone; None if there are none."""
         if self.fixed is None:
-            return picture
+            return None
         stored = self.read(frame)
         light = self._in_working_space(to_linear(stored), stored)
-        own = resized(np.where(self.fixed.mask[..., None], light, 0), (picture.shape[1], picture.shape[0]))
-        return own + np.maximum(1 - own[..., 3:], 0) * picture
+        return np.where(self.fixed.mask[..., None], light, np.float32(0))
 
     def knows_highlights(self, frame: int, highlights: HighlightSettings) -> bool:
         """Return whether a frame's highlights are remembered or stored, so that `picture` is quick."""

@@ -156,7 +156,11 @@ def _add_grain(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
 
 def _keep_fixed(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
     """Put the clip's fixed pixels, such as black bars, back in their place."""
-    return drawing.geometry.clip.with_fixed(drawing.geometry.frame, picture)
+    own = drawing.geometry.clip.fixed_light(drawing.geometry.frame)
+    if own is None:
+        return picture
+    own = detail.resized(own, drawing.size)
+    return own + in_channels(np.maximum(1 - own[..., 3], 0), 4) * picture
 
 
 EFFECTS = (
