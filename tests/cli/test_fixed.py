@@ -57,7 +57,7 @@ def rendered(clip: Path, solve: Reconstruction, *options: object) -> np.ndarray:
     out = clip.with_name(f"{clip.name}.out") / "####.png"
     done(
         "render", work, "--out", out, "--frames", FRAME, "--focus-distance", 20, "--aperture-radius", 0.35,
-        "--views", 48, "--grain", 0, *options,
+        "--views", 24, "--grain", 0, "--borrow", "off", *options,
     )  # fmt: skip
     return np.asarray(cv2.imread(str(next(out.parent.iterdir())))[..., ::-1] / 255)
 

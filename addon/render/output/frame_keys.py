@@ -43,7 +43,7 @@ def _clip_key(scene: bpy.types.Scene) -> str:
         shot.drawn and drawn_digest(shot.drawn),
         render_size(scene.render), written_size(scene.render), *([shot.space.name] if shot.space else []),
         *([shot.working] if shot.working != REC_709 else []),
-        *([scene[GRADED]] if GRADED in scene else []),
+        *([scene[GRADED]] if GRADED in scene else []), *([] if shot.keeps_fixed else ["whole"]),
     )  # fmt: skip
     return hashlib.sha256(repr(parts).encode()).hexdigest()
 
