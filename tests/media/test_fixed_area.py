@@ -50,8 +50,9 @@ def timed(frames: list[np.ndarray], opaque: bool) -> tuple[list[np.ndarray], np.
         (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.6, 1)
         if opaque:
             cv2.rectangle(made, (15, 158 - height - 5), (25 + width, 158 + below), BLACK, -1)
-        for colour, thick in ((BLACK, 4), ((255, 255, 255), 1)):
-            cv2.putText(made, text, (20, 158), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, thick, cv2.LINE_AA)
+        around = [(x, y, BLACK) for x in (-2, 0, 2) for y in (-2, 0, 2)]
+        for x, y, colour in (*around, (0, 0, (255, 255, 255))):
+            cv2.putText(made, text, (20 + x, 158 + y), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 2, cv2.LINE_AA)
         found.append(made)
     return found, np.any([a != b for a, b in zip(found, frames, strict=True)], axis=(0, 3))
 

@@ -87,8 +87,9 @@ LARGEST = 0.06
 """Largest share of the picture of a logo or text."""
 MIDDLE = 0.25
 """Half sides of the picture's middle, as shares: what stays there is often what the camera follows."""
-FULL = 0.8
-"""Least share of its box that a plate fills."""
+FULL, WHOLE = 0.65, 0.9
+"""Least shares of its box that a rectangular plate fills, without the digits that change and with them: 0.79
+are a disc, 0.5 is text."""
 INK = 0.06
 """Least share of changing digits' box in the colours of fixed ones: 0.1 and more of a 1, the narrowest."""
 
@@ -313,13 +314,18 @@ def _plate(clip: _Changes, edges: Mask, inside: Mask) -> Bytes | None:
     plate = np.zeros(edges.shape, np.uint8)
     cv2.drawContours(plate[part], outlines, -1, 1, cv2.FILLED)
     left, top, right, bottom = _box(plate)
-    if plate[top:bottom, left:right].mean() < FULL:
+    # Digits that change are holes in their plate; coding adds a few pixels around it.
+    digit = np.ones((max(down // 2, 3),) * 2, np.uint8)
+    closed = cv2.morphologyEx(plate, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    closed = cv2.morphologyEx(closed, cv2.MORPH_CLOSE, digit)
+    box = np.s_[slice(*_box(closed)[1::2]), slice(*_box(closed)[::2])]
+    if not closed.any() or plate[box].mean() < FULL or closed[box].mean() < WHOLE:
         left, right = _with_digits(clip.luma[:, y : y + down], edges[y : y + down], x, x + across)
         if right - left > across:
             plate[y : y + down, left:right] = 1
             left, top, right, bottom = _box(plate)
     else:
-        plate[top:bottom, left:right] = 1
+        plate[box] = 1
     middle = (
         abs((left + right) / 2 / width - 0.5) < MIDDLE and abs((top + bottom) / 2 / height - 0.5) < MIDDLE
     )
@@ -347,10 +353,10 @@ def _with_digits(rows: Bytes, edges: Mask, left: int, right: int) -> tuple[int, 
         left: First column of the fixed ones.
         right: Column behind the last.
     """
-    ink = np.median(rows, axis=0)[edges]
-    kinds = [rows >= np.percentile(ink, 90) - OUTLINED]
-    if np.ptp(np.percentile(ink, [10, 90])) > 2 * CONTRAST:
-        kinds.append(rows <= np.percentile(ink, 10) + OUTLINED)
+    dark, bright = np.percentile(np.median(rows, axis=0)[edges], [10, 90])
+    kinds = [rows >= bright - CONTRAST]
+    if bright - dark > 2 * CONTRAST:
+        kinds.append(rows <= dark + CONTRAST)
     # A digit is less wide than high.
     digit = np.ones((1, rows.shape[1]), np.float32) / rows.shape[1]
     shares = [cv2.filter2D(kind.mean(axis=1, dtype=np.float32), -1, digit) for kind in kinds]
