@@ -87,8 +87,7 @@ class ClipContext:
 
     def scene(self, frame: int) -> Pixels:
         """Return a frame as `read`, with the scene mirrored into the fixed area."""
-        stored = self.read(frame)
-        return stored if self.fixed is None else self.fixed.without(stored)
+        return self.read(frame) if self.fixed is None else self.fixed.scene(self.read, frame)
 
     @property
     def _fixed(self) -> Mask | None:
@@ -108,14 +107,9 @@ class ClipContext:
     def _stereo(self, quality: Quality) -> TemporalFusion:
         if not quality.finds_subjects:
             alone = PlaneSweepStereo(
-                self.reconstruction,
-                self.scene,
-                quality.stereo_side,
-                self.masks,
-                None,
-                self.matcher,
+                self.reconstruction, self.scene, quality.stereo_side, self.masks, None, self.matcher,
                 self._fixed,
-            )
+            )  # fmt: skip
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
         store = self._store_of(quality)
         single_frame = PlaneSweepStereo(
@@ -334,12 +328,7 @@ class ClipContext:
         if self.fixed is None or not picture.size:
             return found
         # Where other frames do not know what is behind, the scene beside it goes on.
-        hidden = (
-            canvas.from_source(
-                cv2.resize(self.fixed.covered.astype(np.float32), (canvas.camera.width, canvas.camera.height))
-            )
-            > 0
-        )
+        hidden = self.fixed.on_canvas(canvas)
         if found.confidence is not None and self.maps is None:
             hidden &= found.confidence <= SURE
         return replace(found, inverse_depth=nearest(found.inverse_depth, ~hidden))

@@ -19,6 +19,7 @@ from ..base.arrays import Bytes, Indices, Map, Mask
 from ..base.nearest_fill import of_nearest
 from ..base.options import Option
 from ..base.store import NOT_KEPT, Entry, Store
+from ..camera.canvas import Canvas
 from .light import to_gray8, to_rgb8
 from .picture_file import Pixels
 
@@ -137,6 +138,15 @@ class FixedArea:
         )
         mirrored = row * width + column
         return at, np.where(scene.ravel()[mirrored], mirrored, nearest)
+
+    def scene(self, read: Callable[[int], Pixels], frame: int) -> Pixels:
+        """Return `without` of a frame that `read` reads (H, W, 3 or 4)."""
+        return self.without(read(frame))
+
+    def on_canvas(self, canvas: Canvas) -> Mask:
+        """Return the covered pixels (h, w) of a canvas."""
+        size = canvas.camera.width, canvas.camera.height
+        return np.asarray(canvas.from_source(cv2.resize(self.covered.astype(np.float32), size)) > 0)
 
     def without(self, values: Pixels) -> Pixels:
         """Return a picture (H, W, c) with the scene mirrored into the covered pixels."""

@@ -135,7 +135,7 @@ class Shot:
 
     @cached_property
     def _found(self) -> ClipSubjects:
-        read = self.read if self.fixed is None else lambda frame: self.context.scene(frame)
+        read = self.read if self.fixed is None else partial(self.fixed.scene, self.read)
         return self.found or ClipSubjects(self.reconstruction, read, self._kept(self._subject_key))
 
     @property
@@ -185,12 +185,8 @@ class Shot:
         space = () if self.space is None else (self.space.name,)
         if self.space is not None and self.working != REC_709:
             space = *space, self.working
-        return (
-            identity(self.footage.path),
-            self._reconstruction_digest,
-            *space,
-            *["whole"] * (not self.keeps_fixed),
-        )
+        whole = () if self.keeps_fixed else ("whole",)
+        return identity(self.footage.path), self._reconstruction_digest, *space, *whole
 
     @cached_property
     def _reconstruction_digest(self) -> str:
