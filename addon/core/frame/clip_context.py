@@ -165,7 +165,7 @@ class ClipContext:
 
     @cached_property
     def _subjects(self) -> ClipSubjects:
-        return self.known_subjects or ClipSubjects(self.reconstruction, self.scene)
+        return self.known_subjects or ClipSubjects(self.reconstruction, self.scene, fixed=self._fixed)
 
     @remembered()
     def _store_of(self, quality: Quality) -> Store:

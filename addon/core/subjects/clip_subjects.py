@@ -75,6 +75,8 @@ class ClipSubjects:
     store: Store = NOT_KEPT
     """Storage of subjects."""
     networks: Networks = field(default_factory=Networks)
+    fixed: Mask | None = None
+    """Pixels (H, W) of all frames that do not show the scene."""
     _carried: LRUCache[CarriedSubject] = field(
         default_factory=lambda: LRUCache[CarriedSubject](KEPT_SUBJECTS), repr=False, compare=False
     )
@@ -164,7 +166,7 @@ class ClipSubjects:
         """
 
         def find() -> list[CarriedSubject]:
-            tracks = list(moving_tracks(self.reconstruction, self.read))
+            tracks = list(moving_tracks(self.reconstruction, self.read, self.fixed))
             found = ObjectsOfClip(tracks, self._object, self._people_in).subjects()
             self._keep_shares("object", found)
             return found

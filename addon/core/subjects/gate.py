@@ -87,12 +87,15 @@ class MovingTracks:
         return [places[labels == label] for label in np.flatnonzero(np.bincount(labels) >= TRACKS)]
 
 
-def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> Iterator[MovingTracks]:
+def moving_tracks(
+    reconstruction: Reconstruction, read: Callable[[int], Pixels], fixed: Mask | None = None
+) -> Iterator[MovingTracks]:
     """Yield the tracks of moving objects in each sampled frame; nothing for photos.
 
     Args:
         reconstruction: The registered frames of a clip.
         read: Returns a frame's picture (H, W, 3 or 4), as `Footage.read`.
+        fixed: Pixels (H, W) of all frames that do not show the scene: nothing there is a track.
 
     Raises:
         UserError: A frame cannot be read.
@@ -109,6 +112,10 @@ def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels])
         tracks = followed(pictures, here)
         residual = still_residuals(tracks, window, cameras, here)
         shape = pictures[here].shape
+        if fixed is not None:
+            small = cv2.resize(fixed.astype(np.uint8), shape[::-1], interpolation=cv2.INTER_NEAREST)
+            column, row = np.rint(tracks[:, here]).astype(int).T
+            residual[small[row.clip(0, shape[0] - 1), column.clip(0, shape[1] - 1)] > 0] = np.nan
         moving = tracks[on_moving_objects(tracks[:, here], residual, shape)].astype(float)
         padded = np.pad(moving, ((0, 0), (1, 1), (0, 0)), constant_values=np.nan)
         yield MovingTracks(images[number].frame, (padded[:, here : here + 3] + 0.5) / max(shape), shape)

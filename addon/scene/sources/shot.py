@@ -136,7 +136,10 @@ class Shot:
     @cached_property
     def _found(self) -> ClipSubjects:
         read = self.read if self.fixed is None else partial(self.fixed.scene, self.read)
-        return self.found or ClipSubjects(self.reconstruction, read, self._kept(self._subject_key))
+        covered = None if self.fixed is None else self.fixed.covered
+        return self.found or ClipSubjects(
+            self.reconstruction, read, self._kept(self._subject_key), fixed=covered
+        )
 
     @property
     def _masks(self) -> Callable[[int], Map | None] | None:
