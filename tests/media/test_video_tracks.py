@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -10,6 +11,7 @@ import bpy
 import cv2
 import numpy as np
 import pytest
+from av.stream import Disposition
 
 from addon.core.base.errors import Remedy, UserError
 from addon.core.camera.reconstruction import Intrinsics
@@ -68,19 +70,79 @@ def test_every_display_matrix_is_applied_and_blender_shows_the_same(
     assert np.abs(blender_picture(scene, path) - expected).max() < NEAR
 
 
+SMALL, LARGE = corners(), corners((128, 96))[::-1].copy()
+
+
 @pytest.mark.parametrize("default", [0, 1])
-def test_of_two_video_tracks_the_one_with_most_pixels_is_read(
+def test_of_two_tracks_as_long_the_one_with_most_pixels_is_read(
     scene: bpy.types.Scene, tmp_path: Path, default: int
 ) -> None:
-    large = [corners((128, 96))[::-1].copy()] * 3
-    tracks = [FRAMES, large] if default else [large, FRAMES]
+    tracks = [[SMALL] * 3, [LARGE] * 3] if default else [[LARGE] * 3, [SMALL] * 3]
     path = encoded(tmp_path / "a.mp4", tracks)
     footage = open_footage(path)
     assert (footage.width, footage.height) == (128, 96)
     for frame in (2, 1):
-        assert np.array_equal(footage.read(frame), large[0])
+        assert np.array_equal(footage.read(frame), LARGE)
     picture = blender_picture(scene, path)
-    assert picture is None if default else np.abs(picture - large[0]).max() < NEAR
+    assert picture is None if default else np.abs(picture - LARGE).max() < NEAR
+
+
+def two_tracks(path: Path, tracks: list[tuple[np.ndarray, list[float], bool]]) -> Path:
+    """A video with tracks of a picture (H, W, 3), the times that it is shown at in seconds, and whether it is
+    a default one; of webm without durations."""
+    codec, pixels = ("libvpx-vp9", "yuv420p") if path.suffix == ".webm" else ("libx264", "yuv420p")
+    with av.open(str(path), "w", options={"live": "1"} if path.suffix == ".webm" else {}) as out:
+        streams = []
+        for picture, _, is_default in tracks:
+            video = out.add_stream(codec, rate=25)
+            video.height, video.width, video.pix_fmt = *picture.shape[:2], pixels
+            video.time_base = video.codec_context.time_base = Fraction(1, 1000)
+            video.disposition = Disposition.default if is_default else Disposition(0)
+            streams.append(video)
+        for video, (picture, times, _) in zip(streams, tracks, strict=True):
+            for time in times:
+                frame = av.VideoFrame.from_ndarray(picture, format="rgb24").reformat(format=pixels)
+                frame.pts, frame.time_base = round(1000 * time), Fraction(1, 1000)
+                out.mux(video.encode(frame))
+            out.mux(video.encode())
+    return path
+
+
+def steady(count: int, rate: float = 25.0) -> list[float]:
+    return [number / rate for number in range(count)]
+
+
+TRACKS = {
+    "a phone's stills during the clip": ((steady(53), True), ([0.0, 52 / 25], True), 0),
+    "a still that is held far longer": ((steady(12), False), ([0.0, 8.0], True), 0),
+    "one frame, not marked as a cover": ((steady(12), False), ([0.0], True), 0),
+    "the large one is shorter": ((steady(30), False), (steady(20), True), 0),
+    "the large one is longer": ((steady(20), True), (steady(30), False), 1),
+    "a longer one of a low rate": ((steady(25), True), (steady(10, 5.0), False), 1),
+    "as long, but for a frame, by default": ((steady(25), True), (steady(26), False), 0),
+    "as long, but for a frame, and larger": ((steady(26), True), (steady(25), True), 1),
+    "as long at half the rate, and larger": ((steady(24), True), (steady(12, 12.5), True), 1),
+}
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv", ".webm"])
+@pytest.mark.parametrize("case", TRACKS)
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_the_longest_track_that_moves_is_read(
+    tmp_path: Path, case: str, suffix: str, is_turned: bool
+) -> None:
+    *both, wanted = TRACKS[case]
+    tracks = [(picture, *each) for picture, each in zip((SMALL, LARGE), both, strict=True)]
+    path = two_tracks(tmp_path / f"a{suffix}", tracks[::-1] if is_turned else tracks)
+    footage = open_footage(path)
+    assert (footage.width, footage.height) == ((128, 96) if wanted else SIZE)
+    assert len(footage.frames) == len(both[wanted][0])
+    assert footage.read(len(footage.frames)).shape == (footage.height, footage.width, 3)
+
+
+def test_a_phones_stills_during_its_clip_are_not_the_clip(data: Path) -> None:
+    footage = open_footage(data / "clips/person_selfie_hevc_rot_1.mp4")
+    assert len(footage.frames) == 53 and (footage.width, footage.height) == (1080, 1440)
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv"])

@@ -1,10 +1,12 @@
 """Opening video files with FFmpeg (PyAV): plain files of known kinds, nothing that leads to other files."""
 
+import contextlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import av
+import numpy as np
 from av.audio.stream import AudioStream
 from av.container import InputContainer
 from av.stream import Disposition
@@ -12,6 +14,7 @@ from av.video.stream import VideoStream
 
 from ..base import memory
 from ..base.errors import UserError
+from ..base.lru_cache import LRUCache
 from ..camera.focal_length import PLAUSIBLE
 
 DEMUXERS = (
@@ -26,8 +29,15 @@ _OPTIONS = {"protocol_whitelist": "file", "format_whitelist": ",".join(DEMUXERS)
 _LISTS = (b"ffconcat", b"#extm3u", b"v=0", b"<mpd", b"<?xml", b"[playlist]")
 """How the text of playlists begins."""
 _EQUIVALENT = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
-_PREFERRED = 5_000_000
-"""Pixels by which FFmpeg's own program prefers a default track (`ffmpeg_mux_init.c`)."""
+_BESIDE = Disposition.attached_pic | Disposition.timed_thumbnails | Disposition.dependent
+"""Tracks that are no clip: covers, thumbnails, and what only adds to another track."""
+STILLS = 0.1
+"""Share of the frames of the track with most, under which a track is of stills: that of a phone, taken during
+a clip of 53 frames, has 2."""
+FEWEST = 3
+"""Frames of a track that moves: two are a still and its end."""
+_chosen = LRUCache[int]()
+"""Index of the stream of a file with several tracks, by its path, size in bytes and time of change in ns."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +56,32 @@ class Sound:
 def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
     """Open a video's container and its pictures, to be closed by the caller.
 
-    Of several video tracks the one that FFmpeg's own program takes: that with most pixels, a default one
-    before others, a cover last. Raises UserError if the file cannot be opened or has no pictures that can be
-    decoded.
+    Of several video tracks it is the longest, but for stills and covers; of those that are as long within a
+    frame a default one, then that with most pixels. Raises UserError if the file cannot be opened or has no
+    pictures that can be decoded.
     """
+    container = _opened(path)
+    tracks = [
+        stream
+        for stream in container.streams.video
+        if stream.codec_context is not None and not stream.disposition & _BESIDE
+    ]
+    if not tracks:
+        container.close()
+        raise UserError(f"{path.name} has no frames that can be decoded; convert it to H.264 and try again")
+    if len(tracks) == 1:
+        return container, tracks[0]
+    state = path.stat()
+    key = str(path.absolute()), state.st_size, state.st_mtime_ns
+    index = _chosen.get(key, lambda: _longest(path, [stream.index for stream in tracks]))
+    return container, next(stream for stream in tracks if stream.index == index)
+
+
+def _opened(path: Path) -> InputContainer:
     name = path.name
     try:
         # Absolute, so that no name is taken for an address.
-        container = av.open(str(path.absolute()), options=_OPTIONS)
+        return av.open(str(path.absolute()), options=_OPTIONS)
     except av.FFmpegError as error:
         if memory.is_shortage(error):
             raise memory.shortage(f"{name} cannot be opened") from None
@@ -64,21 +92,32 @@ def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
         raise UserError(
             f"{name} is not a video that can be read; convert it to H.264 and try again"
         ) from error
-    stream = max(container.streams.video, key=_score, default=None)
-    if stream is None or not _score(stream):
-        container.close()
-        raise UserError(f"{name} has no frames that can be decoded; convert it to H.264 and try again")
-    return container, stream
 
 
-def _score(stream: VideoStream) -> int:
-    """FFmpeg's preference for a video track; 0 where it cannot be decoded."""
-    if stream.codec_context is None:
-        return 0
-    if Disposition.attached_pic in stream.disposition:
-        return 1
-    pixels = stream.codec_context.width * stream.codec_context.height
-    return 2 + pixels + _PREFERRED * (Disposition.default in stream.disposition)
+def _longest(path: Path, tracks: list[int]) -> int:
+    """The index of the stream, of several, that `open_video` takes, by the times of their packets."""
+    times: dict[int, list[float]] = {index: [] for index in tracks}
+    with _opened(path) as container:
+        with contextlib.suppress(av.FFmpegError):  # a damaged file is read up to there
+            for packet in container.demux([container.streams[index] for index in tracks]):
+                at = packet.dts if packet.pts is None else packet.pts
+                if packet.size and not packet.is_discard and at is not None:
+                    times[packet.stream.index].append(float(at * packet.time_base))
+        most = max(map(len, times.values()))
+        moving = [index for index in tracks if len(times[index]) >= max(FEWEST, STILLS * most)] or tracks
+        # Of a frame: the last is as long as the others.
+        apart = {index: np.ptp(times[index] or [0.0]) / max(1, len(times[index]) - 1) for index in moving}
+        lasts = {index: apart[index] * len(times[index]) for index in moving}
+        longest = max(moving, key=lambda index: lasts[index])
+
+        def score(index: int) -> tuple[bool, bool, int]:
+            stream = container.streams[index]
+            assert isinstance(stream, VideoStream)
+            is_long = bool(lasts[longest] - lasts[index] <= max(apart[index], apart[longest]) + 1e-6)
+            pixels = stream.codec_context.width * stream.codec_context.height
+            return is_long, Disposition.default in stream.disposition, pixels
+
+        return max(moving, key=score)
 
 
 def find_sound(path: Path) -> Sound | None:
