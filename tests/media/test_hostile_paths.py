@@ -120,6 +120,55 @@ def test_names_that_are_not_utf8_are_refused(tmp_path: Path, capsys: pytest.Capt
         open_footage(clip)
 
 
+@pytest.mark.skipif(os.sep == "\\", reason="backslashes separate folders there")
+@pytest.mark.parametrize("name", ["a\\b", "\\", "end\\", "C:\\clips"])
+def test_names_with_backslashes_are_refused_before_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    clip, work = write_frames(tmp_path / "clip", LENS), tmp_path / "work"
+    film, bad = video(tmp_path / "film.mp4"), tmp_path / name
+    keep(clip, work)
+    shutil.copytree(clip, bad)
+    shutil.copy(film, tmp_path / f"{name}.mp4")
+    (tmp_path / "way").symlink_to(bad)
+    before = sorted(tmp_path.rglob("*"))
+    keys = ("render", work, *LENS_OPTIONS)
+    for command in (
+        ("solve", bad, "--work", tmp_path / "w"),
+        ("solve", tmp_path / f"{name}.mp4", "--work", tmp_path / "w"),
+        ("solve", tmp_path / "way", "--work", tmp_path / "w"),
+        ("solve", clip, "--work", bad / "w"),
+        ("run", bad / "clip_####.png", *LENS_OPTIONS, "--out", tmp_path / "o.mp4"),
+        ("run", film, *LENS_OPTIONS, "--work", bad / "w", "--out", tmp_path / "o.mp4"),
+        (*keys, "--out", bad / "####.png"),
+        (*keys, "--out", tmp_path / "new" / f"{name}.mp4"),
+        (*keys, "--out", tmp_path / "o.mp4", "--mask", bad),
+        (*keys, "--out", tmp_path / "o.mp4", "--depth", bad / "clip_####.png"),
+        (*keys, "--out", tmp_path / "o.mp4", "--aperture", f"image={bad / 'clip_0001.png'}"),
+        (*keys, "--out", tmp_path / "o.mp4", "--report", tmp_path / f"{name}.json"),
+        ("save", work, "--blend", bad / "a.blend"),
+        ("render", bad / "a.blend", "--out", tmp_path / "o.mp4"),
+        ("farm", bad, *LENS_OPTIONS, "--out", tmp_path / "job"),
+        ("export", work, "--model", bad / "model"),
+    ):
+        assert run(*command) == 1, command
+        said = capsys.readouterr().err
+        assert "has a backslash in a name" in said and "rename the file or folder" in said, command
+        assert name in said and len(said.splitlines()) == 1
+    assert sorted(tmp_path.rglob("*")) == before
+    # Wherever they come from.
+    footage = open_footage(clip)
+    for call in (open_footage, lambda p: open_masks(p, footage), lambda p: open_depth(p, footage)):
+        with pytest.raises(UserError, match="backslash"):
+            call(bad)
+    for make in (Staging, load_solve, lambda p: output.check_output(p / "o.mp4", False)):
+        with pytest.raises(UserError, match="backslash"):
+            make(bad / "w")
+    shutil.copy(clip / "clip_0001.png", clip / f"{name}_0004.png")
+    with pytest.raises(UserError, match="backslash"):
+        open_footage(clip)
+
+
 def test_a_folder_that_is_not_utf8_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from .errors import UserError
 from .file_lock import FileLock, is_abandoned
+from .file_names import checked_name
 from .processes import process_table
 
 PART = ".part-"
@@ -131,9 +132,9 @@ def collect_temporary() -> list[Path]:
 
 
 def place_of_temporary() -> Path:
-    """Return the folder that holds temporary folders; raises UserError if none can be written."""
+    """Return the folder that holds temporary folders; raises UserError if none can be written or used."""
     try:
-        return Path(tempfile.gettempdir())
+        return checked_name(Path(tempfile.gettempdir()))
     except OSError:
         raise UserError(
             "no folder for temporary files can be written; free some space, or name another by TMPDIR"

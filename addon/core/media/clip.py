@@ -16,7 +16,7 @@ from pathlib import Path
 
 from ..base.counting import common_step, ordinal
 from ..base.errors import Remedy, UserError
-from ..base.file_names import checked_name
+from ..base.file_names import check_name, checked_name
 from ..base.regular_file import open_regular, regular_stat
 from .colour_space import SRGB
 from .exr_parts import read_header
@@ -316,7 +316,7 @@ def _open_sequence(path: Path, stills: bool, beside: str, pixel_aspect: float) -
     if not files:
         raise UserError(f"{path} has no images; PNG, JPEG, TIFF and EXR are read")
     for file in files:
-        checked_name(file)
+        check_name(file)
     if by_pattern is None:
         numbers = name_numbers([file.name for file in files])
     else:

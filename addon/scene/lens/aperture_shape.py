@@ -11,6 +11,7 @@ import numpy as np
 from bpy.props import StringProperty
 
 from ...core.base.arrays import Map
+from ...core.base.file_names import checked_name
 from ...core.frame.options import APERTURE_OPTIONS
 from ...core.media.light import to_linear
 from ...core.media.picture_file import read_picture
@@ -46,6 +47,7 @@ class VirtualApertureShape(bpy.types.PropertyGroup):
 
 def aperture_image(path: Path) -> ApertureImage:
     """Return the picture of an aperture in a file; UserError where it cannot be read."""
+    checked_name(path)
     try:
         written = path.stat().st_mtime_ns
     except OSError:

@@ -1,11 +1,13 @@
 """Rendering the solved clip: with Blender's own render job, or as a movie."""
 
 import time
+from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ...core.base.errors import UserError
+from ...core.base.file_names import checked_name
 from ...render.views.frame_size import render_size, shape_problem
 from ...scene import parts
 from ...scene.base import redraw
@@ -45,6 +47,12 @@ def prepare_render(scene: bpy.types.Scene) -> None:
     scene.camera = scene.camera or settings.camera
 
 
+def check_output_path(scene: bpy.types.Scene) -> None:
+    """Refuse an output path with backslashes, unless it is beside the .blend, as on Windows."""
+    output = scene.render.filepath
+    checked_name(Path(bpy.data.filepath if output.startswith("//") else output).absolute())
+
+
 def output_problem(scene: bpy.types.Scene) -> str:
     """Explain why the clip cannot be rendered at the size of the scene's output, which has another shape.
 
@@ -82,6 +90,8 @@ class _Render:
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         prepare_render(context.scene)
+        if self.animation:
+            check_output_path(context.scene)
         solved_clip_path(context.scene.virtual_aperture)
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
         try:
@@ -139,6 +149,7 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
     def _begin(self, scene: bpy.types.Scene) -> movie.MovieJob:
         settings = scene.virtual_aperture
         frame_options(settings, reconstruction_of(settings))
+        check_output_path(scene)
         solved_clip_path(settings)
         made = self._movie = movie.begin(scene, movie.movie_path(scene), self.overwrite)
         self._depth = depth_ahead.give_way()
