@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 import addon
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import Footage, open_footage
-from addon.core.media.constant_rate import movie_rate
 from addon.render.output import movie_file
 from addon.render.views.quiet import quiet
 from addon.scene.build import build
@@ -80,7 +79,8 @@ def measured(folder: Path, seconds: int, turn: int, late: float) -> str:
     flashes = [times[int(at)] for at in lit]
     path = write(folder / "clip.mp4", times, sound=seconds - late, late=late, flashes=flashes)
     movie, footage = joined(path, folder / "movie")
-    rate = movie_rate(footage)
+    assert footage.video is not None
+    rate = footage.video.movie_rate
     shown, greys = pictures(movie)
     change = np.abs(np.diff(greys.astype(np.int16), axis=0)).mean(axis=(1, 2))
     begins = shown[np.concatenate([[True], change > CHANGED])]

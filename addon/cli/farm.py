@@ -170,6 +170,7 @@ def _copy_scene(source: Path, options: argparse.Namespace, folder: Path) -> list
     solved = load_solve(source)
     scene, settings, footage = scene_of(solved)
     frames = movie_frames(footage, options.frames)
+    movie_file.check_rate(Path(options.movie), footage, frames)
     scene.frame_start, scene.frame_end = frames[0], frames[-1]
     # Errors of the lens are reported now or never.
     set_lens(settings, solved, options, frames)
@@ -193,6 +194,7 @@ def _copy_clip(
         source, options.solve_frames, stills=options.stills, pixel_aspect=options.pixel_aspect or 0.0
     )
     frames = movie_frames(footage, options.frames)
+    movie_file.check_rate(Path(options.movie), footage, frames)
     clip = copy_clip(footage.whole(), folder)
     lens = given_lens(options)
     depth, masks, image = copied(folder, footage, options.depth, options.mask, image_of(options.aperture))

@@ -143,7 +143,7 @@ def run(options: argparse.Namespace) -> None:
         raise UserError(f"{options.report} is where the solve will be kept; choose another file")
 
     def check(clip: Footage) -> None:
-        wanted_frames(clip, _frames(options, clip))
+        movie_file.check_rate(options.out, clip, wanted_frames(clip, _frames(options, clip)))
 
     with output.claimed(options.out.absolute()):
         _check_output(options)
@@ -185,6 +185,7 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
         output.crop_to_even(scene.render)
     elif is_movie:
         frames = movie_frames(footage, options.frames)
+        movie_file.check_rate(out, scene, frames)
     else:
         frames = list(wanted_frames(footage, options.frames))
     if solved is not None:

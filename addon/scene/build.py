@@ -15,6 +15,7 @@ from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction, typical_distance
 from ..core.media.clip import Footage
 from ..core.media.clip_identity import identity
+from ..core.media.constant_rate import FASTEST
 from ..core.media.sequence import blender_shift
 from ..core.media.video_frame import BlenderView
 from ..core.sfm.workspace import default_work_dir
@@ -32,6 +33,9 @@ from .sources.sound import clip_sounds, move_sound, set_sound
 LEAST_SIDE = 4
 """Least pixels of a side in Blender."""
 NAME = "Virtual Aperture"
+NTSC = 1.001
+NTSC_ROUNDING = 2e-6
+"""Relative difference up to which a rate is one of NTSC's: 24 / 1.001 is written as 23.976, too."""
 
 
 def build(
@@ -131,10 +135,18 @@ def _set_up_scene(scene: bpy.types.Scene, footage: Footage, reconstruction: Reco
 
 
 def blender_rate(fps: float) -> tuple[int, float]:
-    """Return the rate as Blender's integer and base: 30000/1001 is 30 / 1.001."""
-    rate = Fraction(fps).limit_denominator(1001)
-    whole = max(1, round(rate))
-    return whole, whole / float(rate)
+    """Return the rate as Blender's integer and base, whose quotient it is: 30 / 1.001 for 30000/1001, 25 / 2.
+
+    Blender's encoder cuts digits off other bases: it writes 12.63 frames a second for 12 / 0.96.
+    """
+    whole = round(fps * NTSC)
+    if round(fps) != fps and abs(fps * NTSC - whole) < NTSC_ROUNDING * fps:
+        return whole, NTSC
+    if fps < 1:
+        slow = Fraction(1 / fps).limit_denominator(1001)
+        return slow.denominator, float(slow.numerator)
+    rate = Fraction(fps).limit_denominator(max(1, int(FASTEST / fps)))
+    return rate.numerator, float(rate.denominator)
 
 
 def _set_up_objects(scene: bpy.types.Scene, reconstruction: Reconstruction) -> None:

@@ -17,12 +17,15 @@ from av.video.stream import VideoStream
 from ..base import memory
 from ..base.errors import UserError
 from ..base.progress import checkpoint
+from .constant_rate import FASTEST, keeps_rate
 from .container import Sound, find_sound, open_video
 from .video_frame import FirstFrame
-from .video_info import VideoInfo, keeps_rate
+from .video_info import VideoInfo
 
 DEFAULT_RATE = Fraction(24)
 """Frames a second of a clip without a usable rate: cinema's."""
+EXACT = 0.002
+"""Frames by which times may be off an exact rate, besides a tick: 23.976 for 24000/1001, after a minute."""
 _STRICT = {"err_detect": "crccheck+bitstream+buffer+explode"}
 _HIDING = ("ffv1", "hevc", "mjpeg")
 """Decoders that report broken packets in strict mode only; others mark repaired frames."""
@@ -173,7 +176,7 @@ def _decode(found: _Pass, packet: Packet[VideoStream]) -> None:
 def _table(
     container: InputContainer, stream: VideoStream, found: _Pass, first: FirstFrame, sound: Sound | None
 ) -> VideoInfo:
-    plausible = [rate for rate in (stream.guessed_rate, stream.average_rate) if rate and 0 < rate < 1000]
+    plausible = [rate for rate in (stream.guessed_rate, stream.average_rate) if rate and 0 < rate <= FASTEST]
     rates = tuple(map(_fraction, plausible)) or (DEFAULT_RATE,)
     known = [time for time in found.frames if time is not None]
     is_timed = len(known) == len(found.frames) and bool(np.all(np.diff(known) > 0))
@@ -193,15 +196,17 @@ def _table(
         bad = {at + 1 for at in near | found.corrupt}
         sizes = tuple((place + 1, width, height) for place, width, height in found.sizes)
     seconds = np.array([float((time - times[0]) * tick) for time in times])
-    fps = next((float(rate) for rate in rates if keeps_rate(seconds, float(rate))), 0.0)
-    if not fps:
-        fps = (len(seconds) - 1) / seconds[-1] if len(seconds) > 1 else float(rates[0])
+    mean = (len(seconds) - 1) / float(seconds[-1]) if len(seconds) > 1 else float(rates[0])
+    likely = [*map(float, rates), mean]
+    # FFmpeg guesses 240 for 241 a second; exact is what is off by the rounding of times alone.
+    exact = (rate for rate in likely if keeps_rate(seconds, rate, min(0.5, EXACT + rate * tick)))
+    fps = next(exact, None) or next((rate for rate in likely if keeps_rate(seconds, rate)), mean)
     begins = None if sound is None else sound.start
     if begins is not None:
         begins = begins - float(times[0] * tick) if is_timed else 0.0
     remarks = _remarks(2 * found.interlaced > len(found.frames), first.lacks_alpha, sound)
     return VideoInfo(
-        first.width, first.height, float(min(fps, 999.0)), (tick.numerator, tick.denominator), tuple(times),
+        first.width, first.height, float(fps), (tick.numerator, tick.denominator), tuple(times),
         is_timed, keys, begins, tuple(sorted(bad)), _missing(container, stream, found, rates[0]),
         first.colour_space, first.view, sound.track if sound else 0, sizes, tuple(remarks),
     )  # fmt: skip

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.counting import ranges
+from .constant_rate import fitting_rate, keeps_rate, largest_shift
 from .video_frame import BlenderView
 
 LATE = 1.5
@@ -81,7 +82,7 @@ class VideoInfo:
         in_clip = all(1 <= frame <= self.count for frame in self.keys + self.damaged)
         rises = all(a < b for a, b in zip(self.times, self.times[1:], strict=False))
         stored = all(1 <= frame <= self.count and min(size) > 0 for frame, *size in self.sizes)
-        sizes = min(self.count, self.width, self.height, *self.tick) > 0 and 0 < self.fps < 1000
+        sizes = min(self.count, self.width, self.height, *self.tick) > 0 and 0 < self.fps < np.inf
         begins = self.keys[:1] == (1,) and [frame for frame, _, _ in self.sizes[:1]] == [1]
         counts = 0 <= self.missing <= self.count and self.sound_track >= 0
         return sizes and stored and in_clip and rises and begins and counts
@@ -101,6 +102,11 @@ class VideoInfo:
     def is_variable(self) -> bool:
         """Return whether some frame is at least half a frame off a constant rate."""
         return not keeps_rate(self.seconds, self.fps)
+
+    @cached_property
+    def movie_rate(self) -> float:
+        """Frames a second of a movie with a place for every frame."""
+        return fitting_rate(self.seconds) if self.is_variable else self.fps
 
     def other_shape(self, frames: Sequence[int]) -> str:
         """Return the reason why frames are not one clip: pictures of different shapes; else ""."""
@@ -151,21 +157,14 @@ class VideoInfo:
             named = f"{'frame' if len(gaps) == 1 else 'frames'} {ranges(gaps[:NAMED])}{more}"
             notes.append(f"after {named} of the clip there is a gap: frames were dropped or lost there")
         if self.is_variable:
+            shift = largest_shift(self.seconds, self.movie_rate)
+            off = "" if shift * self.movie_rate <= 1 else f" to {shift:.2g} s"
             notes.append(
-                "the clip has a variable frame rate: movies from the command line keep each frame's time,"
+                f"the clip has a variable frame rate: movies keep each frame's time{off},"
                 f" but the timeline and image sequences run at {self.fps:.4g} frames a second, so sound"
                 " drifts there"
             )
         return notes
-
-
-def keeps_rate(seconds: NDArray[np.float64], fps: float) -> bool:
-    """Return whether frames shown at `seconds` (n,) are all less than half a frame from a constant rate's.
-
-    That begins with the first frame, against which sound is set.
-    """
-    off = (seconds - seconds[:1]) * fps - np.arange(len(seconds))
-    return bool(np.all(np.abs(off) < 0.5 - 1e-6))
 
 
 def is_alike(width: int, height: int, across: int, down: int) -> bool:

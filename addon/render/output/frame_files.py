@@ -8,19 +8,29 @@ bytes is there, too: programs that edit pictures keep such notes.
 import hashlib
 import re
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 import cv2
 import imbuf
 import numpy as np
+from numpy.typing import NDArray
 
+from ...core.base.counting import ranges
 from ...core.base.errors import UserError
 from ...core.base.regular_file import open_regular, read_regular, regular_stat
-from ...core.media.video import video_info
+from ...core.media.picture_file import Pixels, read_picture
+from ...core.media.video import VideoReader, video_info
 
 HEADER = 1 << 16
 """Bytes of a file in which its metadata is looked for; Blender writes it before the pixels."""
+RATE_ERROR = 1e-6
+"""Relative error of a movie's times: Blender keeps a rate's base in single precision."""
+COMPARED = 24
+"""Pictures of a movie that are compared with those it was made of: each takes a PNG and up to 18 frames."""
+ALIKE = 0.05
+"""Largest mean difference of levels, of 1, of a picture and its movie frame averaged over 8x8 fields."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 """Identifiers of the two elements that a Matroska file is made of."""
@@ -102,10 +112,11 @@ def still_problem(path: Path, size: tuple[int, int] | None = None) -> str:
     return ""
 
 
-def movie_problem(path: Path, count: int, size: tuple[int, int]) -> str:
+def movie_problem(path: Path, count: int, size: tuple[int, int], rate: float = 0.0) -> str:
     """Return the reason why a movie (.mp4, .mov or .mkv) is incomplete, or "".
 
-    Its frames are decoded and counted. A full disk can cut off the last bytes, behind all frames.
+    Its frames are decoded, counted, and with a `rate`, in frames a second, they must have its times. A full
+    disk can cut off the last bytes, behind all frames.
     """
     if not path.exists():
         return "was not written"
@@ -119,8 +130,42 @@ def movie_problem(path: Path, count: int, size: tuple[int, int]) -> str:
     whole = _has_whole_segment if path.suffix.lower() == ".mkv" else _has_whole_boxes
     if not whole(path):
         return "is cut off"
+    if rate:
+        off = np.abs(movie.seconds - np.arange(count) / rate)
+        late = np.flatnonzero(off > movie.tick[0] / movie.tick[1] + RATE_ERROR * movie.seconds)
+        if late.size or not movie.is_timed:
+            at = late[0] if late.size else 0
+            return f"shows frame {at + 1} at {movie.seconds[at]:.6g} s and should at {at / rate:.6g} s"
     held = movie.width, movie.height
     return "" if held == size else f"is {held[0]}x{held[1]} and should be {size[0]}x{size[1]}"
+
+
+def shown_problem(path: Path, files: dict[int, Path], held: Sequence[int]) -> str:
+    """Return the reason why a movie does not show pictures, by frame, in the order of frames `held`, or "".
+
+    Each picture must have its place; `COMPARED` of them are compared, but those of light (EXR).
+    """
+    places = {frame: number for number, frame in reversed(list(enumerate(held, 1)))}
+    if lost := sorted(files.keys() - places.keys()):
+        return f"has no place for rendered frames {ranges(lost)}, and each should be there"
+    reader = VideoReader(path)
+    try:
+        for at in np.unique(np.linspace(0, len(files) - 1, COMPARED).round().astype(int)):
+            frame = sorted(files)[at]
+            if files[frame].suffix.lower() != ".png":
+                return ""
+            shown, meant = _thumbnail(reader.read(places[frame])), _thumbnail(read_picture(files[frame]))
+            if np.abs(shown - meant).mean() > ALIKE:
+                return f"shows another picture at frame {places[frame]} and should show {files[frame].name}"
+    finally:
+        reader.close()
+    return ""
+
+
+def _thumbnail(picture: Pixels) -> NDArray[np.float32]:
+    """A picture's levels (8, 8, 3), in [0, 1]."""
+    scaled = cv2.resize(picture[..., :3], (8, 8), interpolation=cv2.INTER_AREA)
+    return np.asarray(scaled / (255 if picture.dtype == np.uint8 else 65535), np.float32)
 
 
 def _has_whole_boxes(path: Path) -> bool:

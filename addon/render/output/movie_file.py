@@ -1,6 +1,6 @@
 """Pictures on disk become a movie with the clip's times and sound, by Blender's own encoder."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -8,9 +8,11 @@ import bpy
 import numpy as np
 
 from ...core.base import atomic
-from ...core.base.errors import UserError
+from ...core.base.errors import Remedy, UserError
 from ...core.base.messages import Progress, send
-from ...core.media.constant_rate import held_frames, movie_rate
+from ...core.media.clip import Footage
+from ...core.media.constant_rate import FASTEST, beginnings, held_frames
+from ...core.media.sequence import LAST_FRAME
 from ...scene.build import blender_rate
 from ...scene.sources.shot import shot_of
 from ...scene.sources.sound import SOUND, clip_sounds, sound_file, sound_frame
@@ -18,6 +20,8 @@ from ..views.frame_size import written_size
 from . import frame_files
 
 MOVIES = {".mp4": "MPEG4", ".mov": "QUICKTIME", ".mkv": "MKV"}
+HELD = {".mkv": 1000}
+"""Frames a second that a kind of movie holds, if fewer than Blender's: Matroska counts milliseconds."""
 RATE_FACTOR = 12
 """H.264's and HEVC's. The clip has been through one encoder already: at Blender's best preset (17) the second
 takes up to a seventh of the subject's sharpness."""
@@ -35,10 +39,11 @@ def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
     """Write pictures, by frame number, as a movie with the rate and the sound of a scene.
 
     Where the clip's rate varies, and the scene's is as the clip set it, the movie has the clip's fastest rate
-    and holds slower frames. UserError where the movie that was written has not exactly their frames; then
-    nothing is at its place.
+    and holds slower frames. UserError where the movie that was written does not show exactly these pictures,
+    each at its time; then nothing is at its place.
     """
     atomic.collect_orphans(out.parent)
+    check_rate(out, scene, sorted(files))
     held, rate, moved = _schedule(scene, sorted(files))
     first = min(files)
     size = written_size(scene.render)
@@ -62,33 +67,70 @@ def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
                 bpy.ops.render.render(animation=True, scene=movie.name)
             except RuntimeError as error:
                 raise UserError(f"Blender could not write {out.name}: {str(error).strip()}") from error
-            frame_files.refuse(out, frame_files.movie_problem(part, len(held), size))
+            problem = frame_files.movie_problem(part, len(held), size, rate)
+            frame_files.refuse(out, problem or frame_files.shown_problem(part, files, held))
     finally:
         bpy.data.scenes.remove(movie)
         opened.close()
 
 
+def check_rate(out: Path, clip: bpy.types.Scene | Footage, frames: Sequence[int]) -> None:
+    """Check before any work that an output, if it is a movie, can hold frames at the rate of a scene or clip.
+
+    Raises:
+        UserError: It has too many frames a second for its format, or too many for Blender.
+    """
+    suffix, pictures = out.suffix.lower(), "write pictures, such as ####.png"
+    if suffix not in MOVIES:
+        return
+    if isinstance(clip, Footage):
+        rate = clip.fps if clip.video is None else clip.video.movie_rate
+        count = round((clip.seconds(frames[-1]) - clip.seconds(frames[0])) * rate) + 1
+    else:
+        held, rate, _ = _schedule(clip, list(frames))
+        count = len(held)
+    most = HELD.get(suffix, FASTEST)
+    if rate > most:
+        other = "choose a .mp4 or .mov, or " if rate <= FASTEST else ""
+        raise UserError(
+            f"{out.name} would have {rate:g} frames a second, and {suffix} holds at most {most}; {other}"
+            f"{pictures}"
+        )
+    if count > LAST_FRAME - frames[0]:
+        raise UserError(
+            f"{out.name} would have {count} frames, of {rate:g} a second, and Blender writes at most"
+            f" {LAST_FRAME - frames[0]}; choose fewer frames, or {pictures}",
+            Remedy.FRAMES,
+        )
+
+
 def _schedule(scene: bpy.types.Scene, frames: list[int]) -> tuple[list[int], float, Callable[[float], int]]:
     """The clip's frame for each of a movie's frames, the rate, and the place in it of a scene's frame."""
     footage, set_rate = shot_of(scene).footage, scene.render.fps / scene.render.fps_base
-    rate, first = movie_rate(footage), frames[0]
-    video = footage.video
+    video, first = footage.video, frames[0]
     if video is None or not video.is_variable or abs(set_rate - footage.fps) > 1e-3 * footage.fps:
-        held = [max(frame for frame in frames if frame <= shown) for shown in range(first, frames[-1] + 1)]
-        return held, set_rate, round
-    sound, begin = video.sound or 0.0, footage.seconds(first)
+        shown = np.searchsorted(frames, np.arange(first, frames[-1] + 1), "right") - 1
+        return [frames[place] for place in shown], _as_blender(set_rate), round
+    rate = _as_blender(video.movie_rate)
+    sound = video.sound or 0.0
     seconds = [footage.seconds(frame) for frame in frames]
     # The last is as long as the one before it.
     following = frames[-1] if frames[-1] < video.count else video.count - 1
     end = seconds[-1] + (float(np.diff(video.seconds)[following - 1]) if video.count > 1 else 1 / rate)
     places = held_frames(seconds, end, rate, sound)
+    begin = int(beginnings(seconds, rate, sound)[0])
 
     def moved(frame: float) -> int:
         # The user's shift against the clip's own sound is kept.
         by = (frame - sound_frame(footage)) / set_rate
-        return int(first + round(by * rate) - round((begin - sound) * rate))
+        return int(first + round(by * rate) - begin)
 
     return [frames[place] for place in places], rate, moved
+
+
+def _as_blender(rate: float) -> float:
+    whole, base = blender_rate(rate)
+    return whole / base
 
 
 def hdr_display(scene: bpy.types.Scene) -> str:

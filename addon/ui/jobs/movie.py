@@ -13,7 +13,7 @@ from ...core.base.errors import UserError
 from ...core.base.job import Job
 from ...core.media.picture_file import PICTURES
 from ...render.output import movie_folder
-from ...render.output.movie_file import JOINING, MOVIES
+from ...render.output.movie_file import JOINING, MOVIES, check_rate
 from ...render.output.output import STILLS, check_output, claimed
 from ...render.processes.blend_file import write_blend
 from ...render.processes.launcher import start
@@ -93,10 +93,11 @@ def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieJob:
     """
     global _movie
     check_output(out, overwrite)
+    first, last = (clip_frame(scene, at) for at in (scene.frame_start, scene.frame_end))
+    check_rate(out, scene, range(first, last + 1))
     made = MovieJob(out)
     blend = Path(bpy.app.tempdir) / "virtual-aperture-movie.blend"
     write_blend(blend)
-    first, last = (clip_frame(scene, at) for at in (scene.frame_start, scene.frame_end))
     words = ["render", blend, "--out", out, "--frames", f"{first}-{last}", *["--overwrite"] * overwrite]
     start(made, blend.with_suffix(".json"), words, scene.name, as_is=True)
     _movie = made
