@@ -13,6 +13,7 @@ from ..media.sequence import clip_files, is_litter
 from . import bundler, camera_arrays, colmap, nvm, record3d, stray, transforms, voodoo
 from .imported_model import ImportedModel
 from .matching import Imported, match
+from .parsing import wrong
 
 
 class Reader(Protocol):
@@ -63,14 +64,19 @@ SUFFIXES = (".out", ".nvm", ".txt", ".json", ".npz", ".r3d")
 def read_reconstruction(path: Path, footage: Footage) -> Imported:
     """Read another program's model, a file or a folder, and match it to the clip's frames.
 
-    Raises UserError if the format is unknown, the file is damaged (the message names the place), or the model
-    is not of this clip.
+    Raises UserError, which names the file, if the format is unknown, the file is damaged (the message names
+    the place), or the model is not of this clip.
     """
-    path = Path(path).expanduser()
+    path = Path(path).expanduser().absolute()
     if not path.exists():
         raise UserError(f"{path} does not exist; choose {SUPPORTED}")
     reader, file = _recognised(path)
-    return match(reader.read(file, (footage.width, footage.height)), footage)
+    try:
+        return match(reader.read(file, (footage.width, footage.height)), footage)
+    except UserError as error:
+        if str(file.parent) in str(error):
+            raise
+        raise UserError(f"{file}: {error}", *error.remedies) from None
 
 
 def recorded_clip(path: Path) -> Path | None:
@@ -96,6 +102,11 @@ def _recognised(path: Path) -> tuple[Reader, Path]:
     if found:
         names = ", ".join(file.name for _, file in found)
         raise UserError(f"{path} has several models: {names}; name one of them")
+    for file in [path] if path.is_file() else [*path.glob("*"), *path.glob("*/*")]:
+        if file.suffix.lower() in SUFFIXES and file.is_file() and not file.stat().st_size:
+            raise UserError(f"{file} is empty (0 bytes); export it again")
+        if file.suffix.lower() in (ARRAY, ".r3d") and file.is_file() and not zipfile.is_zipfile(file):
+            raise wrong(file, "a zip archive, but the file is cut off or damaged; copy or export it again")
     if held := _without_cameras(path):
         raise UserError(
             f"{path.name} holds {held}, but no cameras, so it is not a solve; solve the clip itself, or"

@@ -120,6 +120,6 @@ def _names(file: Path, bundle: Path, cameras: int) -> list[str]:
     if len(names) != cameras:
         raise UserError(
             f"{file} names {counted(len(names), 'picture')}, {bundle.name} has {counted(cameras, 'camera')};"
-            " both must be of the same solve"
+            " export both again, of one solve"
         )
     return names

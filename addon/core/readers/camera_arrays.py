@@ -18,6 +18,7 @@ Depth Anything 3 (exported as npz): depth (n, h, w), extrinsics (n, 3 or 4, 4) w
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import UserError
@@ -26,6 +27,7 @@ from ..base.regular_file import read_regular
 from ..camera.reconstruction import Intrinsics, Reconstruction
 from ..media.sequence import is_litter
 from .imported_model import ImportedModel
+from .parsing import wrong
 from .poses import OPENCV, cameras, finite, lens
 
 FORMAT = "camera arrays"
@@ -46,19 +48,23 @@ def recognises(path: Path) -> bool:
 def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     """Read the cameras of a file or of ViPE's folder; see `Reader.read`."""
     path = _poses_in(path) or path
-    try:
-        match _kind(path):
-            case "MegaSaM":
-                model, names = _megasam(path, size)
-            case "ViPE":
-                model, names = _vipe(path, size)
-            case "Depth Anything 3":
-                model, names = _depth_anything(path)
-            case _:
-                raise UserError(f"{path} has no arrays of cameras; give MegaSaM's, ViPE's or DA3's .npz")
-    except (ValueError, OSError) as error:
-        raise UserError(f"{path} cannot be read: {error}") from None
+    match _kind(path):
+        case "MegaSaM":
+            model, names = _megasam(path, size)
+        case "ViPE":
+            model, names = _vipe(path, size)
+        case "Depth Anything 3":
+            model, names = _depth_anything(path)
+        case _:
+            raise UserError(f"{path} has no arrays of cameras; give MegaSaM's, ViPE's or DA3's .npz")
     return ImportedModel(_kind(path), model, names)
+
+
+def _arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[np.generic]]:
+    try:
+        return read_arrays(path, names, MOST)
+    except (ValueError, OSError) as error:
+        raise UserError(f"{path} cannot be read: {error}; export it again") from None
 
 
 def _kind(path: Path) -> str:
@@ -80,12 +86,12 @@ def _poses_in(path: Path) -> Path | None:
 
 
 def _megasam(path: Path, size: tuple[int, int]) -> tuple[Reconstruction, tuple[str, ...]]:
-    read = read_arrays(path, MEGASAM, MOST)
+    read = _arrays(path, MEGASAM)
     matrix = finite(read["intrinsic"], (3, 3), f"{path}, intrinsic", "3 x 3 numbers")
     poses = finite(read["cam_c2w"], (-1, 4, 4), f"{path}, cam_c2w", "n x 4 x 4 numbers")
     shape = array_shapes(path).get("images", ())
     if len(shape) != 4:
-        raise UserError(f"{path}: expected images of n x h x w x 3, which give the size of the intrinsics")
+        raise wrong(path, "images of n x h x w x 3, which give the size of the intrinsics")
     scale = np.sqrt(AREA / (size[0] * size[1]))
     scaled = int(size[0] * scale), int(size[1] * scale)
     is_cut = tuple(side - side % MULTIPLE for side in scaled) == (shape[2], shape[1])
@@ -96,8 +102,10 @@ def _megasam(path: Path, size: tuple[int, int]) -> tuple[Reconstruction, tuple[s
 def _vipe(path: Path, size: tuple[int, int]) -> tuple[Reconstruction, tuple[str, ...]]:
     lenses_path = path.parent.parent / "intrinsics" / path.name
     if not lenses_path.is_file():
-        raise UserError(f"{lenses_path} is missing: ViPE's poses need the intrinsics beside them")
-    read, inner = (read_arrays(each, VIPE, MOST) for each in (path, lenses_path))
+        raise UserError(
+            f"{lenses_path} is missing: ViPE's poses need the intrinsics beside them; export both again"
+        )
+    read, inner = (_arrays(each, VIPE) for each in (path, lenses_path))
     poses = finite(read["data"], (-1, 4, 4), f"{path}, data", "n x 4 x 4 numbers")
     frames = finite(read["inds"], (len(poses),), f"{path}, inds", "a frame for each pose").astype(int)
     _check_pinhole(lenses_path.with_name(f"{path.stem}_camera.txt"))
@@ -105,7 +113,7 @@ def _vipe(path: Path, size: tuple[int, int]) -> tuple[Reconstruction, tuple[str,
     known = finite(inner["inds"], (len(values),), f"{lenses_path}, inds", "a frame for each lens").astype(int)
     if not np.isin(frames, known).all():
         missing = frames[np.argmin(np.isin(frames, known))]
-        raise UserError(f"{lenses_path}, inds: expected the frames of {path.name}, {missing} among them")
+        raise wrong(f"{lenses_path}, inds", f"the frames of {path.name}, {missing} among them")
     order = np.argsort(known)
     rows = order[np.searchsorted(known[order], frames)]
     lenses = [
@@ -123,14 +131,14 @@ def _check_pinhole(path: Path) -> None:
         return
     others = {line.split(":")[-1].strip() for line in text.splitlines() if line.strip()} - {"PINHOLE"}
     if others:
-        raise UserError(f"{path}: expected PINHOLE cameras, not {sorted(others)[0][:40]}; run ViPE with that")
+        raise wrong(path, f"PINHOLE cameras, not {sorted(others)[0][:40]}; run ViPE with that")
 
 
 def _depth_anything(path: Path) -> tuple[Reconstruction, tuple[str, ...]]:
-    read = read_arrays(path, DEPTH_ANYTHING, MOST)
+    read = _arrays(path, DEPTH_ANYTHING)
     shape = array_shapes(path).get("depth", ())
     if len(shape) != 3:
-        raise UserError(f"{path}: expected depth of n x h x w, which gives the size of the intrinsics")
+        raise wrong(path, "depth of n x h x w, which gives the size of the intrinsics")
     given = np.asarray(read["extrinsics"])
     rows = 4 if given.ndim == 3 and given.shape[1] == 4 else 3
     poses = finite(given, (shape[0], rows, 4), f"{path}, extrinsics", "n x 3 x 4 numbers")

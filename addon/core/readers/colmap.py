@@ -39,7 +39,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
         raise UserError(f"{path} has no COLMAP model: {', '.join(colmap_binary.FILES)}, or the same as .txt")
     kind = path.suffix if path.is_file() else _kind(folder)
     label, parser = KINDS[kind]
-    reconstruction, names = assemble(folder, parser.read(folder))
+    reconstruction, names = assemble(parser.read(folder))
     return ImportedModel(label, reconstruction, names, _other_models(folder))
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from ..base.errors import UserError
 from ..camera.distortion import PARAMETERS
 from ..camera.reconstruction import Intrinsics, Points
-from .colmap_tables import ImageRow, PointTable, Tables, contents, name_of, wrong
+from .colmap_tables import ImageRow, PointTable, Tables, contents, name_of
+from .parsing import wrong
 from .poses import lens
 
 FILES = ("cameras.bin", "images.bin", "points3D.bin")
@@ -32,7 +32,7 @@ class Cursor:
         self.at = 0
         head = self.data[:64]
         if len(head) > 8 and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head):
-            raise UserError(f"{path}, byte 0: expected binary data, not text; name it {path.stem}.txt")
+            raise wrong(f"{path}, byte 0", f"binary data, not text; name it {path.stem}.txt")
 
     def place(self, at: int | None = None) -> str:
         """Return the file and a byte, by default the next, for errors."""
@@ -66,8 +66,8 @@ class Cursor:
 
 def read(folder: Path) -> Tables:
     """Read the model in a folder; raises UserError with file and byte."""
-    cameras, images, points = (folder / name for name in FILES)
-    return Tables(_cameras(cameras), _images(images), _points(points))
+    files = cameras, images, points = [folder / name for name in FILES]
+    return Tables(files, _cameras(cameras), _images(images), _points(points))
 
 
 def _cameras(path: Path) -> dict[int, Intrinsics]:

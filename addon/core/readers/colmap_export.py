@@ -11,7 +11,8 @@ from pathlib import Path
 from ..base.errors import UserError
 from ..camera.reconstruction import Reconstruction, quaternion_from_matrix
 from . import colmap_text
-from .colmap_tables import assemble, wrong
+from .colmap_tables import assemble
+from .parsing import wrong
 
 FILES = colmap_text.FILES
 LONGEST_NUMBER = 9
@@ -54,7 +55,7 @@ def write_model(folder: Path, reconstruction: Reconstruction, names: Mapping[int
 
 def read_model(folder: Path) -> Reconstruction:
     """Read a text model of our own; raises UserError with file and line."""
-    model, names = assemble(folder, colmap_text.read(folder))
+    model, names = assemble(colmap_text.read(folder))
     images, place = {}, str(folder / "images.txt")
     for image in model.images:
         digits = re.findall(r"\d+", names[image.frame])

@@ -12,7 +12,7 @@ from ..base.errors import UserError
 from ..base.numbers import LARGEST
 from ..base.regular_file import read_regular
 from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
-from .parsing import LONGEST
+from .parsing import LONGEST, wrong
 
 Longs = NDArray[np.int64]
 NO_POINT = -1
@@ -54,14 +54,11 @@ class PointTable:
 class Tables:
     """A complete model."""
 
+    files: Sequence[Path]
+    """Those of cameras, images and points."""
     cameras: dict[int, Intrinsics]
     images: Sequence[ImageRow]
     points: PointTable
-
-
-def wrong(place: str, expected: str) -> UserError:
-    """Make the error for an unexpected value at a place in a file."""
-    return UserError(f"{place}: expected {expected}")
 
 
 def name_of(place: str, raw: bytes) -> str:
@@ -87,16 +84,15 @@ def contents(path: Path, names: Sequence[str]) -> bytes:
         raise UserError(f"{path} cannot be read: {error}") from None
 
 
-def assemble(folder: Path, tables: Tables) -> tuple[Reconstruction, tuple[str, ...]]:
+def assemble(tables: Tables) -> tuple[Reconstruction, tuple[str, ...]]:
     """Assemble a model and the names of its images, both in the order of the image keys.
 
     `Image.frame` is an index into the names. Features without a point are left out. Raises UserError for
     numbers that are not finite, for unknown or repeated keys, and for invalid rotations.
     """
-    if not tables.cameras:
-        raise UserError(f"{folder}: the model has no cameras")
-    if not tables.images:
-        raise UserError(f"{folder}: the model has no images; take the one of your solves that has")
+    for path, rows in zip(tables.files, (tables.cameras, tables.images), strict=False):
+        if not rows:
+            raise UserError(f"{path} has no {path.stem}; export the model again, or take one that has")
     table = tables.points
     _check_points(table)
     order = np.argsort(table.keys, kind="stable")
@@ -114,7 +110,7 @@ def assemble(folder: Path, tables: Tables) -> tuple[Reconstruction, tuple[str, .
             raise wrong(row.place, f"an IMAGE_ID that no other image has, not {row.key}")
         if row.camera not in index:
             raise wrong(row.place, f"one of the model's cameras, not {row.camera}")
-        xy, points = _features(row, keys, order)
+        xy, points = _features(row, keys, order, tables.files[2])
         images.append(Image(frame, _rotation(row), row.translation, xy, points, index[row.camera]))
     lenses = tuple(tables.cameras[key] for key in cameras)
     return Reconstruction(lenses, tuple(images), table.points), tuple(row.name for row in rows)
@@ -139,7 +135,7 @@ def _rotation(row: ImageRow) -> Floats:
     return matrix_from_quaternion(row.quaternion)
 
 
-def _features(row: ImageRow, keys: Longs, order: Longs) -> tuple[Floats, NDArray[np.int32]]:
+def _features(row: ImageRow, keys: Longs, order: Longs, file: Path) -> tuple[Floats, NDArray[np.int32]]:
     """Return positions (n, 2) and rows (n,) of an image's points, from the sorted keys and their rows."""
     seen = row.points != NO_POINT
     wanted, xy = row.points[seen], row.xy[seen]
@@ -147,7 +143,8 @@ def _features(row: ImageRow, keys: Longs, order: Longs) -> tuple[Floats, NDArray
     known = at < len(keys)
     known[known] = keys[at[known]] == wanted[known]
     if not known.all():
-        raise wrong(row.features_place, f"one of the model's points, not {wanted[np.argmin(known)]}")
+        why = f"{file} has {len(keys)} points: export the model again, with all of them"
+        raise wrong(row.features_place, f"one of the model's points, not {wanted[np.argmin(known)]}; {why}")
     if not _usable(xy).all():
         raise wrong(row.features_place, f"features at places up to {LARGEST:g}")
     return xy, order[at].astype(np.int32)

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
-from ..base.errors import UserError
 from ..base.numbers import reals, wholes
 from ..camera.reconstruction import Intrinsics, Points
-from .colmap_tables import NO_POINT, ImageRow, Longs, PointTable, Tables, contents, name_of, wrong
+from .colmap_tables import NO_POINT, ImageRow, Longs, PointTable, Tables, contents, name_of
+from .parsing import wrong
 from .poses import lens
 
 FILES = ("cameras.txt", "images.txt", "points3D.txt")
@@ -25,8 +25,8 @@ ROW = np.dtype([("line", "i8"), ("key", "i8"), ("xyz", "f8", 3), ("rgb", "i8", 3
 
 def read(folder: Path) -> Tables:
     """Read the model in a folder; raises UserError with file and line."""
-    cameras, images, points = (folder / name for name in FILES)
-    return Tables(_cameras(cameras), _images(images), _points(points))
+    files = cameras, images, points = [folder / name for name in FILES]
+    return Tables(files, _cameras(cameras), _images(images), _points(points))
 
 
 class Lines(Iterator[tuple[int, bytes]]):
@@ -36,10 +36,10 @@ class Lines(Iterator[tuple[int, bytes]]):
         self.path = path
         data = contents(path, FILES)
         if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-            raise UserError(f"{path}, byte 0: expected text in UTF-8, not in UTF-16; save it anew")
+            raise wrong(f"{path}, byte 0", "text in UTF-8, not in UTF-16; save it anew")
         at = data.find(b"\0")
         if at >= 0:
-            raise UserError(f"{path}, byte {at}: expected text, not binary data; name it {path.stem}.bin")
+            raise wrong(f"{path}, byte {at}", f"text, not binary data; name it {path.stem}.bin")
         self._lines = enumerate(data.removeprefix(codecs.BOM_UTF8).splitlines(), 1)
         self._promise: tuple[str, int] | None = None
 

@@ -27,6 +27,11 @@ CHUNK = 2**22
 """Bytes split into words at a time: words take ten times the memory of their text."""
 
 
+def wrong(place: Path | str, expected: str) -> UserError:
+    """Make the error for an unexpected value at a place in a file; a solution may follow a semicolon."""
+    return UserError(f"{place}: expected {expected}{'' if ';' in expected else '; export it again'}")
+
+
 def beginning(path: Path) -> bytes | None:
     """Return the first `START` bytes of a text without a byte order mark and blanks; None if unreadable."""
     try:
@@ -52,12 +57,12 @@ class Text:
             data = read_regular(path)
         except OSError as error:
             raise UserError(f"{path} cannot be read: {error.strerror}") from None
+        data = data.removeprefix(b"\xef\xbb\xbf")
         if not data or data.isspace():
             raise UserError(f"{path} is empty; export it again")
         nothing = data.find(b"\0")
         if nothing >= 0:
-            raise UserError(f"{path}, byte {nothing}: expected text, this is a binary file or UTF-16")
-        data = data.removeprefix(b"\xef\xbb\xbf")
+            raise wrong(f"{path}, byte {nothing}", "text, this is a binary file or UTF-16")
         if b"\r" in data:
             data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         self._data = data
@@ -135,16 +140,18 @@ class Text:
         if not re.fullmatch(r"\d{1,18}", word, re.ASCII):
             raise self.wrong(f"the number of {what}, not {word[:40]!r}")
         if int(word) * bytes_each > self.left + 1:
-            raise self.wrong(f"the number of {what}; {int(word)} do not fit into the {self.left} bytes left")
+            missing = f"{int(word)} do not fit into the {self.left} bytes left, export it again"
+            raise self.wrong(f"the number of {what}; {missing}")
         return int(word)
 
     def wrong(self, expected: str, line: int | None = None) -> UserError:
         """Make the error for a line that is not as expected, by default the last one read."""
-        return UserError(f"{self.path}, line {self.line if line is None else line}: expected {expected}")
+        return wrong(f"{self.path}, line {self.line if line is None else line}", expected)
 
     def ends(self, expected: str) -> UserError:
         """Make the error for a text that ends too early."""
-        return UserError(f"{self.path} ends at line {self.line}: expected {expected}; it may be truncated")
+        solution = "" if ";" in expected else "; it may be truncated, export it again"
+        return UserError(f"{self.path} ends at line {self.line}: expected {expected}{solution}")
 
     def _values(self, piece: bytes) -> Floats:
         """Parse the numbers that follow the last line read."""

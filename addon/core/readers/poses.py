@@ -10,6 +10,7 @@ from ..base.errors import UserError
 from ..base.numbers import LARGEST
 from ..camera.reconstruction import NO_POINTS, Image, Intrinsics, Reconstruction, matrix_from_quaternion
 from .building import rotation_from
+from .parsing import wrong
 
 OPENGL = np.diag([1.0, -1.0, -1.0])
 """Rotation from a camera that looks along -z with y up (OpenGL, Blender, nerfstudio, ARKit) to ours."""
@@ -28,7 +29,7 @@ def finite(value: object, shape: tuple[int, ...], place: str, what: str) -> Floa
     except (ValueError, TypeError, OverflowError):
         fits = False
     if not fits or not np.all(np.abs(array) <= LARGEST):
-        raise UserError(f"{place}: expected {what}, of numbers up to {LARGEST:g}")
+        raise wrong(place, f"{what}, of numbers up to {LARGEST:g}")
     return array
 
 
@@ -36,13 +37,13 @@ def lens(place: str, model: str, size: tuple[float, float], values: Sequence[flo
     """Call `Intrinsics.from_parameters`, and add the place to its errors."""
     width, height = size
     if not np.all(np.abs(np.asarray(values, np.float64)) <= LARGEST):
-        raise UserError(f"{place}: expected camera parameters up to {LARGEST:g}")
+        raise wrong(place, f"camera parameters up to {LARGEST:g}")
     if not (width % 1 == 0 and height % 1 == 0):
-        raise UserError(f"{place}: expected a size in whole pixels, not {width:g} x {height:g}")
+        raise wrong(place, f"a size in whole pixels, not {width:g} x {height:g}")
     try:
         return Intrinsics.from_parameters(model, int(width), int(height), values)
     except UserError as error:
-        raise UserError(f"{place}: {error}") from None
+        raise wrong(place, str(error).removeprefix("expected ")) from None
 
 
 def cameras(to_world: Floats, axes: Floats, lenses: Sequence[Intrinsics], place: str) -> Reconstruction:
@@ -60,8 +61,7 @@ def cameras(to_world: Floats, axes: Floats, lenses: Sequence[Intrinsics], place:
     kinds: dict[Intrinsics, int] = {}
     images = []
     for row, (matrix, seen_by) in enumerate(zip(to_world, lenses, strict=True)):
-        expected = "expected a camera-to-world matrix of a rotation and a position"
-        problem = UserError(f"{place.format(row)}: {expected}")
+        problem = wrong(place.format(row), "a camera-to-world matrix of a rotation and a position")
         rotation = axes @ rotation_from(matrix[:3, :3], problem).T
         number = kinds.setdefault(seen_by, len(kinds))
         images.append(Image(row, rotation, -rotation @ matrix[:3, 3], camera=number))

@@ -22,6 +22,7 @@ from ..base.errors import UserError
 from ..base.regular_file import open_regular
 from ..media.sequence import is_litter
 from .imported_model import ImportedModel
+from .parsing import wrong
 from .poses import DIGITS, OPENGL, cameras, finite, lens, to_world
 
 FORMAT = "Record3D"
@@ -72,7 +73,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     except OSError as error:
         raise UserError(f"{path} cannot be read: {error.strerror}") from None
     if not isinstance(said, dict):
-        raise UserError(f"{path}, {METADATA}: expected an object")
+        raise wrong(f"{path}, {METADATA}", "an object")
     place = f"{path}, {METADATA}"
     table = finite(said.get("poses"), (-1, 7), f"{place}, poses", "seven numbers a frame")
     width, height = (float(finite(said.get(name), (), f"{place}, {name}", "one number")) for name in "wh")

@@ -18,6 +18,7 @@ from ..base.errors import UserError
 from ..base.numbers import LARGEST, reals
 from ..base.regular_file import is_regular, read_regular
 from .imported_model import ImportedModel
+from .parsing import wrong
 from .poses import DIGITS, OPENCV, cameras, finite, lens, to_world
 
 FORMAT = "Stray Scanner"
@@ -48,7 +49,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     columns, table = _table(path / ODOMETRY)
     at = {name: table[:, column] for column, name in enumerate(columns)}
     if missing := [name for name in OLD if name not in at]:
-        raise UserError(f"{path / ODOMETRY}, line 1: expected a column {missing[0]}")
+        raise wrong(f"{path / ODOMETRY}, line 1", f"a column {missing[0]}")
     place = f"{path / ODOMETRY}, pose {{}}"
     poses = to_world(
         np.stack([at[name] for name in OLD[3:]], axis=1), np.stack([at[name] for name in OLD[:3]], axis=1),
@@ -77,11 +78,11 @@ def depth(path: Path, frame: int) -> tuple[Floats, Floats] | None:
         return None
     millimetres = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if millimetres is None or millimetres.ndim != 2 or millimetres.dtype != np.uint16:
-        raise UserError(f"{file}: expected a gray picture of 16 bits, in millimeters")
+        raise wrong(file, "a gray picture of 16 bits, in millimeters")
     metres = np.where(millimetres > 0, millimetres / 1000.0, np.nan)
     level = cv2.imread(str(sure), cv2.IMREAD_UNCHANGED) if is_regular(sure) else np.full(metres.shape, SURE)
     if level is None or level.shape != metres.shape:
-        raise UserError(f"{sure}: expected a gray picture of {metres.shape[1]}x{metres.shape[0]}")
+        raise wrong(sure, f"a gray picture of {metres.shape[1]}x{metres.shape[0]}")
     return metres, np.where(np.isfinite(metres), np.clip(level / SURE, 0, 1), 0.0)
 
 
@@ -121,12 +122,12 @@ def _table(path: Path) -> tuple[list[str], Floats]:
         try:
             rows.append(reals([word.strip() or b"nan" for word in line.split(b",")]))
         except ValueError:
-            raise UserError(f"{path}, line {number}: expected numbers with commas between") from None
+            raise wrong(f"{path}, line {number}", "numbers with commas between") from None
         if len(rows[-1]) != len(rows[0]):
-            raise UserError(f"{path}, line {number}: expected {len(rows[0])} numbers, not {len(rows[-1])}")
+            raise wrong(f"{path}, line {number}", f"{len(rows[0])} numbers, not {len(rows[-1])}")
     if not rows:
         raise UserError(f"{path} has no numbers; record again")
     table = np.array(rows)
     if np.any(np.abs(table) > LARGEST):
-        raise UserError(f"{path}: expected numbers up to {LARGEST:g}")
+        raise wrong(path, f"numbers up to {LARGEST:g}")
     return names[: table.shape[1]], table

@@ -17,6 +17,7 @@ from ..base.errors import UserError
 from ..base.regular_file import open_regular, read_regular
 from ..camera.reconstruction import Intrinsics
 from .imported_model import ImportedModel
+from .parsing import wrong
 from .poses import OPENGL, cameras, finite, lens
 
 FORMAT = "transforms.json"
@@ -50,18 +51,18 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     whole = _contents(path)
     frames = whole.get("frames")
     if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
-        raise UserError(f"{path}: expected a list of frames")
+        raise wrong(path, "a list of frames")
     matrices, lenses, names = [], [], []
     for number, frame in enumerate(frames):
         place = f"{path}, frame {number}"
         rows = finite(frame.get("transform_matrix"), (-1, 4), place, "a transform_matrix of 4 x 4 numbers")
         if len(rows) not in (3, 4):
-            raise UserError(f"{place}: expected a transform_matrix of 4 x 4 numbers, not of {len(rows)} rows")
+            raise wrong(place, f"a transform_matrix of 4 x 4 numbers, not of {len(rows)} rows")
         matrices.append(rows[:3])
         lenses.append(_lens(place, {**whole, **frame}, size))
         name = frame.get("file_path")
         if not isinstance(name, str):
-            raise UserError(f"{place}: expected a file_path")
+            raise wrong(place, "a file_path")
         names.append(name)
     model = cameras(np.array(matrices), OPENGL, lenses, f"{path}, frame {{}}")
     return ImportedModel(FORMAT, model, tuple(names))
@@ -75,7 +76,7 @@ def _contents(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise UserError(f"{path} is not JSON: {error}; export it again") from None
     if not isinstance(whole, dict):
-        raise UserError(f"{path}: expected an object with frames, not {type(whole).__name__}")
+        raise wrong(path, f"an object with frames, not {type(whole).__name__}")
     return whole
 
 
@@ -89,18 +90,18 @@ def _lens(place: str, said: Mapping[str, Any], size: tuple[int, int]) -> Intrins
     fx = number("fl_x", width / 2 / np.tan(across / 2) if 0 < across < np.pi else 0)
     fy = number("fl_y", height / 2 / np.tan(down / 2) if 0 < down < np.pi else fx)
     if not fx > 0:
-        raise UserError(f"{place}: expected a focal length as fl_x, or camera_angle_x in radians")
+        raise wrong(place, "a focal length as fl_x, or camera_angle_x in radians")
     where = (fx, fy, number("cx", width / 2), number("cy", height / 2))
     k1, k2, k3, k4 = (number(name, 0) for name in ("k1", "k2", "k3", "k4"))
     p1, p2 = number("p1", 0), number("p2", 0)
     name = said.get("camera_model") or ""
     model = MODELS.get(name) if isinstance(name, str) else None
     if model is None:
-        raise UserError(f"{place}: expected a camera_model that is one of {', '.join(filter(None, MODELS))}")
+        raise wrong(place, f"a camera_model that is one of {', '.join(filter(None, MODELS))}")
     if model == FISHEYE or said.get("is_fisheye") is True:
         return lens(place, FISHEYE, (width, height), (*where, k1, k2, k3, k4))
     if k4:
-        raise UserError(f"{place}: expected no k4 for a lens that is not a fisheye; undistort the pictures")
+        raise wrong(place, "no k4 for a lens that is not a fisheye; undistort the pictures")
     if k3:
         return lens(place, "FULL_OPENCV", (width, height), (*where, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0))
     return lens(place, PERSPECTIVE, (width, height), (*where, k1, k2, p1, p2))
