@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from enum import StrEnum
+from pathlib import Path
 from typing import NamedTuple
 
 import cv2
@@ -13,11 +14,19 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
+from ..base.errors import UserError
 from .colour_space import of_tags
 from .picture_file import Pixels, squared
 
-_LUMA = {1: (0.2126, 0.0722), 5: (0.299, 0.114), 6: (0.299, 0.114), 9: (0.2627, 0.0593), 10: (0.2627, 0.0593)}
+_LUMA = {
+    1: (0.2126, 0.0722), 4: (0.30, 0.11), 5: (0.299, 0.114), 6: (0.299, 0.114), 7: (0.212, 0.087),
+    9: (0.2627, 0.0593),
+}  # fmt: skip
 """Weights of red and blue in luma by the code of matrix coefficients (ITU-T H.273, table 4)."""
+_OTHERS = {8, *range(10, 18)}
+"""Codes of what is not read: YCgCo, constant luminance, ICtCp and others."""
+_HD_ROWS = 720
+"""Rows of stored pictures, before they are turned, from which untagged colours are BT.709's."""
 _FULL = 2
 """FFmpeg's code of a range that uses all values."""
 
@@ -64,6 +73,8 @@ def upright(frame: VideoFrame, stream: VideoStream, pixel_aspect: float = 0.0) -
         (H, W, 3) RGB, or (H, W, 4) with straight alpha, of square pixels: uint8, or uint16 over its whole
         range where the frame has more than 8 bits.
     """
+    if not frame.format.is_rgb and len(frame.format.components) > 2:
+        frame.colorspace = _matrix(frame, stream)
     picture = _rgb(frame, has_alpha(frame, stream))
     top, bottom, left, right = cropping(stream)
     if top + bottom < frame.height and left + right < frame.width:
@@ -117,8 +128,18 @@ def _is_mirrored(frame: VideoFrame) -> bool:
     return bool(a * d - b * c < 0)
 
 
+def _matrix(frame: VideoFrame, stream: VideoStream) -> int:
+    """Code of a frame's matrix coefficients, by its tag, or by its size as players take them."""
+    if frame.colorspace in _OTHERS:
+        raise UserError(
+            f"{Path(stream.container.name).name} has matrix coefficients {int(frame.colorspace)} (ITU-T"
+            " H.273), which are not read; convert it to BT.709"
+        )
+    return frame.colorspace if frame.colorspace in _LUMA else 1 if frame.height >= _HD_ROWS else 5
+
+
 def _rgb(frame: VideoFrame, alpha: bool) -> Pixels:
-    """(H, W, 3 or 4) of a decoded frame as it is stored."""
+    """(H, W, 3 or 4) of a decoded frame, of known matrix coefficients, as it is stored."""
     if any(component.bits > 8 for component in frame.format.components):
         return _deep_rgb(frame, alpha)
     # Bicubic, also for the planes of colour, as in OpenCV and FFmpeg's own program.
@@ -134,7 +155,7 @@ def _deep_rgb(frame: VideoFrame, alpha: bool) -> NDArray[np.uint16]:
         return np.asarray(frame.to_ndarray(format=name, interpolation="BICUBIC", threads=1), np.uint16)
     name = "yuva444p16le" if alpha else "yuv444p16le"
     planes = frame.to_ndarray(format=name, interpolation="BICUBIC", threads=1)
-    red, blue = _LUMA.get(frame.colorspace, _LUMA[1])
+    red, blue = _LUMA[frame.colorspace]
     green = 1 - red - blue
     # Limited ranges are 219 and 224 of 256 (ITU-T H.273, 8.3). A full one FFmpeg spreads over all 16 bits in
     # luma, and moves up in the others, as seen in its result for known values.

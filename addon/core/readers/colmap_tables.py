@@ -90,8 +90,8 @@ def assemble(tables: Tables) -> tuple[Reconstruction, tuple[str, ...]]:
     `Image.frame` is an index into the names. Features without a point are left out. Raises UserError for
     numbers that are not finite, for unknown or repeated keys, and for invalid rotations.
     """
-    for path, rows in zip(tables.files, (tables.cameras, tables.images), strict=False):
-        if not rows:
+    for path, held in zip(tables.files, (tables.cameras, tables.images), strict=False):
+        if not held:
             raise UserError(f"{path} has no {path.stem}; export the model again, or take one that has")
     table = tables.points
     _check_points(table)
