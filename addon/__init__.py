@@ -10,11 +10,13 @@ def register() -> None:
 
     Raises:
         UserError: The operating system is too old for the bundled libraries.
+        ImportError: Other libraries of the same names come before them.
     """
-    from .core.base.system import check_system
+    from .core.base.system import check_libraries, check_system
 
     # Libraries that the system is too old for fail to load without a reason.
     check_system()
+    check_libraries()
     from . import ui
     from .cli import blender_command
 

@@ -43,6 +43,8 @@ def _prepare() -> None:
     # Before Blender loads NumPy.
     for name, value in importlib.import_module(f"{PACKAGE}.core.base.job").ONE_BLAS_THREAD.items():
         os.environ.setdefault(name, value)
+    # Before Blender loads NumPy, which may be another.
+    importlib.import_module(f"{PACKAGE}.core.base.system").check_libraries()
     # Before Blender opens files.
     importlib.import_module(f"{PACKAGE}.core.base.streams").open_all()
 

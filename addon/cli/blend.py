@@ -12,6 +12,7 @@ from ..render.output.frame_keys import GRADED
 from ..render.views.quiet import quiet
 from ..scene.cg_objects import cg_objects
 from ..scene.properties import VirtualApertureSettings
+from ..scene.sources import hdr_view
 from ..scene.sources.clip import solved_part
 from ..scene.sources.shot import forget, shot_of
 
@@ -74,6 +75,7 @@ def open_blend(
     view.view_transform, view.look, view.exposure, view.gamma = "Standard", "None", 0.0, 1.0
     view.use_curve_mapping = view.use_white_balance = False
     scene.display_settings.display_device, render.dither_intensity = "sRGB", 1.0
+    hdr_view.follow(scene)
     render.image_settings.color_management = "FOLLOW_SCENE"
     return scene, settings, solved
 
@@ -83,7 +85,8 @@ def _is_plain(scene: bpy.types.Scene) -> bool:
     render, view, editor = scene.render, scene.view_settings, scene.sequence_editor
     is_composited = render.use_compositing and scene.compositing_node_group is not None
     is_cut = render.use_sequencer and editor and any(strip.type != "SOUND" for strip in editor.strips)
-    looks = view.view_transform, view.look, view.exposure, view.gamma, view.use_curve_mapping
+    has_curve = view.use_curve_mapping and not hdr_view.has_curve(view)
+    looks = view.view_transform, view.look, view.exposure, view.gamma, has_curve
     has_own_look = render.image_settings.color_management == "OVERRIDE" or view.use_white_balance
     has_own_look |= scene.display_settings.display_device != "sRGB" or render.dither_intensity != 1
     is_graded = has_own_look or looks != ("Standard", "None", 0.0, 1.0, False)

@@ -24,6 +24,7 @@ from ..scene.base.remedy_words import WORDS
 from ..scene.base.timeline import clip_frame, scene_time
 from ..scene.ignored import warn_of_ignored
 from ..scene.lens.lens import frame_options
+from ..scene.sources.hdr_view import WAYS_OUT, lost
 from ..scene.sources.shot import Shot, shot_of
 from .cg.cg_process import draw_cg
 from .processes.frames_ahead import frame_ahead
@@ -209,9 +210,12 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             if drawn is not None:
                 for text in drawn.notes:
                     note(text)
-                return drawn.pictures
-        cg = draw_cg(scene, layer.name)
-        pictures["Combined"] = render_frame(shot.context, frame, lens, size, note, on_frame, cg)
+                pictures = drawn.pictures
+        if not pictures:
+            cg = draw_cg(scene, layer.name)
+            pictures["Combined"] = render_frame(shot.context, frame, lens, size, note, on_frame, cg)
+        if shot.space is not None and (share := lost(scene, shot.space.name, pictures["Combined"])):
+            note(f"{share:.0%} of the pixels are brighter than white and lost in this format: {WAYS_OUT}")
         return pictures
 
     @contextmanager

@@ -26,6 +26,7 @@ from .focus import focus_marks
 from .lens import aperture_cloud, blender_focus, depth_of_field, lens
 from .properties import VirtualApertureSettings
 from .solve import camera, point_cloud, store
+from .sources import hdr_view
 from .sources.colour_space import image_space
 from .sources.shot import IDENTITY, forget, reconstruction_of
 from .sources.sound import clip_sounds, move_sound, set_sound
@@ -43,11 +44,11 @@ def build(
 ) -> VirtualApertureSettings:
     """Put a solved clip into the scene, replacing the one that was there, and set the scene up for it.
 
-    Frame range, rate, resolution and pixel aspect follow the clip, the view transform becomes Standard
-    (any other would change the clip's colours), and the engine becomes ours. Output into Blender's default
-    temporary folder, or into the one that was set here for another clip, goes to one of the clip's own beside
-    the .blend or the clip instead. Objects of the user, the compositor
-    and all other output settings stay as they are.
+    Frame range, rate, resolution and pixel aspect follow the clip, the view transform becomes Standard (any
+    other would change the clip's colours), with a curve for an HDR clip, and the engine becomes ours. Output
+    into Blender's default temporary folder, or into the one that was set here for another clip, goes to one
+    of the clip's own beside the .blend or the clip instead. Objects of the user, the compositor and all other
+    output settings stay as they are.
     """
     forget()
     settings: VirtualApertureSettings = scene.virtual_aperture
@@ -132,6 +133,7 @@ def _set_up_scene(scene: bpy.types.Scene, footage: Footage, reconstruction: Reco
     render.engine = "VIRTUAL_APERTURE"
     scene.view_settings.view_transform = "Standard"
     scene.view_settings.look = "None"
+    hdr_view.set_view(scene, scene.virtual_aperture.colour_space or footage.colour_space)
 
 
 def blender_rate(fps: float) -> tuple[int, float]:

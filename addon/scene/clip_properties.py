@@ -7,8 +7,13 @@ from ..core.media.fixed_area import FIXED
 from ..core.media.picture_tags import MOST_ASPECT
 from .base.option_properties import property_of
 from .lens_properties import aperture_changed
-from .sources import colour_space
+from .sources import colour_space, hdr_view
 from .sources.subjects import VirtualApertureSubjects
+
+
+def _space_changed(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    hdr_view.follow(settings.id_data)
+    aperture_changed(settings, context)
 
 
 class ClipProperties:
@@ -87,7 +92,7 @@ class ClipProperties:
         description="What the clip was recorded in, such as S-Log3 S-Gamut3.Cine: cameras that record a log"
         " rarely say so in the file. Empty: what the file says, else sRGB",
         search=lambda _settings, _context, _typed: colour_space.names(),
-        update=aperture_changed,
+        update=_space_changed,
     )
     masks: StringProperty(
         name="Masks",

@@ -14,6 +14,7 @@ from ...core.media.clip import Footage
 from ...core.media.constant_rate import FASTEST, beginnings, held_frames
 from ...core.media.sequence import LAST_FRAME
 from ...scene.build import blender_rate
+from ...scene.sources.hdr_view import HDR, has_curve
 from ...scene.sources.shot import shot_of
 from ...scene.sources.sound import SOUND, clip_sounds, sound_file, sound_frame
 from ..views.frame_size import written_size
@@ -25,8 +26,6 @@ HELD = {".mkv": 1000}
 RATE_FACTOR = 12
 """H.264's and HEVC's. The clip has been through one encoder already: at Blender's best preset (17) the second
 takes up to a seventh of the subject's sharpness."""
-HDR = ("Rec.2100-HLG", "Rec.2100-PQ")
-"""Color spaces of clips whose movies are in the same, by HEVC of 10 bits."""
 HDR_EXPOSURE = float(np.log2(2.03))
 """Stops: Blender reads such a clip with white at 203 cd/m2 (ITU-R BT.2408), and writes it at 100."""
 JOINING = "movie"
@@ -134,12 +133,13 @@ def _as_blender(rate: float) -> float:
 
 
 def hdr_display(scene: bpy.types.Scene) -> str:
-    """Return the display of Blender's for a scene's movie: that of an HDR clip.
+    """Return the display of Blender's for a scene's movie, HEVC of 10 bits: that of an HDR clip.
 
     It is empty for other clips, and if the user chose a view.
     """
     space, view = shot_of(scene).space, scene.view_settings
     is_plain = scene.display_settings.display_device == "sRGB" and view.view_transform == "Standard"
+    is_plain &= not view.use_curve_mapping or has_curve(view)
     return space.name if space is not None and space.name in HDR and is_plain else ""
 
 
