@@ -5,29 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
-import cv2
 import numpy as np
 import pytest
 
 from addon.core.media.clip import open_footage
-from addon.core.media.light import decode_srgb
 from addon.core.media.picture_file import read_picture
 from addon.scene.sources import colour_space
 
 from ..media.colour_curves import HLG, LOGS, PQ, Array, Recorded, write_clip
-from ..scenes import psnr, write_plane
-from .tracked_plane import PLANE, imported, run
+from ..scenes import psnr
+from .hdr_frames import LENS, SHOWN, filmed
+from .tracked_plane import imported, run
 
-LENS = ("--focus-point", 3, "--blur", 0.03)
-SHOWN = 3
 LUMA = np.array([0.2627, 0.6780, 0.0593])
-
-
-def filmed(folder: Path) -> list[Array]:
-    """(90, 160, 3) linear light of the slanted plane's frames, up to six times white."""
-    write_plane(folder, PLANE)
-    pictures = [cv2.imread(str(file))[..., ::-1] / 255 for file in sorted(folder.iterdir())]
-    return [decode_srgb(picture) * (1 + 5 * np.clip(4 * picture - 3, 0, 1)) for picture in pictures]
 
 
 def write_exr(folder: Path, pictures: list[Array]) -> Path:

@@ -15,7 +15,7 @@ from addon.render import engine
 from addon.scene.sources import hdr_view
 
 from ..media.colour_curves import HLG, PQ, Array, Recorded, write_clip
-from .test_hdr_clip import LENS, SHOWN, filmed
+from .hdr_frames import LENS, SHOWN, filmed
 from .tracked_plane import imported, run
 
 

@@ -11,7 +11,7 @@ from addon.core.readers import read_reconstruction
 
 from .. import camera_files as cameras
 from .. import foreign_models as foreign
-from .test_fuzz import CLIP, models
+from .small_models import CLIP, models
 
 PARTS = [(label, name) for label, files in models().items() for name in files]
 CUTS = 24

@@ -11,11 +11,8 @@ import random
 import signal
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from types import FrameType
 
@@ -28,8 +25,8 @@ from addon.core.readers import READERS
 from addon.core.readers.imported_model import ImportedModel
 from addon.core.readers.matching import match
 
-from .. import camera_files as cameras
 from .. import foreign_models as foreign
+from .small_models import CLIP, models
 
 resource = pytest.importorskip("resource", reason="memory and time are only limited on POSIX systems")
 
@@ -47,7 +44,6 @@ WORDS = [
     b"\xff\xfe",
 ]  # fmt: skip
 COUNTS = [b"1000000000", b"2147483647", b"99999999999999999999", b"-5", b"1e9", b"3.5"]
-CLIP = replace(foreign.footage(("A 1.png", "b2.png", "3.png")), frames=(0, 1, 2))
 INTEGERS = [2**31 - 1, 2**31, 2**32 - 1, 2**33, 2**40, 2**63, 2**64 - 1]
 
 Mutation = Callable[[random.Random, bytes], bytes]
@@ -162,43 +158,6 @@ IN_BINARY: list[Mutation] = [
     truncated, truncated, flipped, overwritten, spoilt, moved, integer_replaced, integer_replaced,
     integer_replaced, float_replaced,
 ]  # fmt: skip
-
-
-def models() -> dict[str, dict[str, bytes]]:
-    """For each format the files of a model that its reader reads; tiny, because each is read so often."""
-    made = foreign.world(images=3, points=6)
-    names = ("a 1.png", "b2.png", "c/3.png")
-    listed = "a 1.png 0 80\nb2.png\nc/3.png 0 81.5\n"
-    return {
-        "Bundler": {"bundle.out": foreign.bundler(made, missing=(1,)).encode(), "list.txt": listed.encode()},
-        "VisualSFM": {"a.nvm": foreign.nvm(made, names, radial=0.01, origin=(48.0, 32.0)).encode()},
-        "VisualSFM FixedK": {
-            "a.nvm": foreign.nvm(made, names, header="NVM_V3 FixedK 80 48 80 32 0\n").encode()
-        },
-        "Voodoo": {"track.txt": foreign.voodoo(made, k3=0.01).encode()},
-        "COLMAP text": {name: text.encode() for name, text in foreign.colmap_text(made, names).items()},
-        "COLMAP binary": foreign.colmap_binary(made, names),
-        **alone(),
-    }
-
-
-@cache
-def alone() -> dict[str, dict[str, bytes]]:
-    """The same of formats without points."""
-    made, names = foreign.world(images=3, points=6), ("a 1.png", "b2.png", "c/3.png")
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        clip = foreign.write_clip(folder / "clip")
-        written = {
-            "transforms.json": cameras.transforms(folder / "transforms.json", made, names),
-            "camera arrays of MegaSaM": cameras.megasam(folder / "a_sgd_cvd_hr.npz", made),
-            "camera arrays of Depth Anything 3": cameras.depth_anything(folder / "results.npz", made),
-            "Record3D": cameras.record3d(folder / "walk.r3d", made, clip),
-        }
-        tables = cameras.stray(folder / "stray", made, clip)
-        stray = {name: (tables / name).read_bytes() for name in ("odometry.csv", "camera_matrix.csv")}
-        found = {label: {path.name: path.read_bytes()} for label, path in written.items()}
-        return {**found, "Stray Scanner": stray}
 
 
 def read(folder: Path, label: str) -> ImportedModel:
