@@ -22,6 +22,7 @@ from ..core.sfm.workspace import default_work_dir
 from . import parts
 from .base.paths import relative
 from .base.timeline import check_frames
+from .edited_camera import OFFSET
 from .focus import focus_marks
 from .lens import aperture_cloud, blender_focus, depth_of_field, lens
 from .properties import VirtualApertureSettings
@@ -110,6 +111,18 @@ def restore(scene: bpy.types.Scene, footage: Footage | None) -> None:
             _set_background(settings, footage)
     scene.camera = scene.camera or settings.camera
     aperture_cloud.update(settings)
+
+
+def restore_camera(scene: bpy.types.Scene, footage: Footage | None) -> None:
+    """Bring the clip's camera back to what the solve made of it, and the clip behind it from `footage`."""
+    settings: VirtualApertureSettings = scene.virtual_aperture
+    reconstruction = reconstruction_of(settings)
+    settings.camera.parent = settings.root
+    camera.animate(settings.camera, reconstruction)
+    camera.set_pixel_aspect(scene.render, reconstruction.cameras[0])
+    if footage is not None:
+        _set_background(settings, footage)
+    scene.frame_set(scene.frame_current, subframe=scene.frame_subframe)
 
 
 def move_clip(scene: bpy.types.Scene, footage: Footage) -> None:
@@ -225,6 +238,7 @@ def _set_background(settings: VirtualApertureSettings, footage: Footage) -> None
     user = background.image_user
     user.frame_start = footage.frames[0]
     user.frame_offset = footage.frames[0] - 1 + shift
+    image[OFFSET] = user.frame_offset
     user.frame_duration = footage.frames[-1] - footage.frames[0] + 1
     user.use_auto_refresh = True
     data.show_background_images = True

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import bpy
 
 from .base.timeline import clip_frame, scene_time
+from .edited_camera import edits
 
 OURS = ("use_pass_combined", "use_pass_z", "use_pass_cryptomatte_accurate")
 """Switches of view layers that ask for no pass that we lack; the second one is how Cryptomatte counts."""
@@ -31,6 +32,8 @@ def _camera(scene: bpy.types.Scene) -> Iterator[str]:
     ours, camera = scene.virtual_aperture.camera, scene.camera
     if camera is not None and ours is not None and camera != ours:
         yield f"The render shows the clip through its own camera, not through {camera.name}"
+    if edited := edits(scene):
+        yield f"These changes of the clip's camera are ignored: {', '.join(edited)}"
     if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
         yield f"Depth of Field of {camera.name} is ignored; Focus and Lens are used instead"
 

@@ -8,6 +8,7 @@ import bpy
 
 from ...core.base.errors import UserError
 from ..base.timeline import clip_frame
+from ..solve.camera import curves_of
 
 PATH = "dof.focus_distance"
 """Path of the property in a camera's data."""
@@ -44,16 +45,10 @@ def follow(settings: bpy.types.PropertyGroup) -> None:
 
 def is_animated(settings: bpy.types.PropertyGroup) -> bool:
     """Return whether the camera's own focus distance has keys or a driver, ours or another."""
-    from bpy_extras.anim_utils import action_get_channelbag_for_slot
-
     camera = _camera(settings)
-    animation = None if camera is None else camera.data.animation_data
-    if animation is None:
+    if camera is None or camera.data.animation_data is None:
         return False
-    bag = (
-        action_get_channelbag_for_slot(animation.action, animation.action_slot) if animation.action else None
-    )
-    curves = [*animation.drivers, *(bag.fcurves if bag is not None else [])]
+    curves = [*camera.data.animation_data.drivers, *curves_of(camera.data)]
     return any(curve.data_path == PATH for curve in curves)
 
 

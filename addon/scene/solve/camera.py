@@ -1,6 +1,7 @@
 """Cameras of the reconstruction as Blender cameras."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import bpy
 import numpy as np
@@ -12,6 +13,17 @@ SENSOR = 36.0
 """Millimetres of the horizontal sensor, Blender's own default."""
 INTRINSICS = ("lens", "shift_x", "shift_y")
 """Properties of a camera that are keyed where the intrinsics change."""
+POSE = ("location", "rotation_quaternion")
+"""Properties of the camera object that are keyed."""
+UNMOVED = {
+    "rotation_mode": "QUATERNION", "scale": (1.0, 1.0, 1.0), "parent_type": "OBJECT",
+    "matrix_parent_inverse": np.eye(4), "delta_location": (0.0, 0.0, 0.0),
+    "delta_rotation_quaternion": (1.0, 0.0, 0.0, 0.0), "delta_rotation_euler": (0.0, 0.0, 0.0),
+    "delta_scale": (1.0, 1.0, 1.0),
+}  # fmt: skip
+"""Properties of the camera object that are as in a new one, but for the mode of its rotation."""
+VIEW = ("type", "sensor_fit", "sensor_width", *INTRINSICS)
+"""Properties of a camera that the intrinsics determine."""
 FLIP = np.diag([1.0, -1.0, -1.0])
 """COLMAP looks along +z with y down, Blender along -z with y up."""
 
@@ -21,36 +33,58 @@ def set_intrinsics(data: bpy.types.Camera, camera: Intrinsics, frame: int | None
 
     Pixel aspect is a property of the scene, see `set_pixel_aspect`; distortion is the canvas's.
     """
-    data.type = "PERSP"
-    data.sensor_fit = "HORIZONTAL"
-    data.sensor_width = SENSOR
-    data.lens = camera.fx * SENSOR / camera.width
-    data.shift_x = -(camera.cx - camera.width / 2) / camera.width
-    data.shift_y = (camera.cy - camera.height / 2) / camera.width * (camera.fx / camera.fy)
+    for path, value in view_of(camera).items():
+        setattr(data, path, value)
     if frame is not None:
         for path in INTRINSICS:
             data.keyframe_insert(path, frame=frame)
 
 
+def view_of(camera: Intrinsics) -> dict[str, Any]:
+    """Return the properties of a Blender camera that has a pinhole."""
+    return {
+        "type": "PERSP", "sensor_fit": "HORIZONTAL", "sensor_width": SENSOR,
+        "lens": camera.fx * SENSOR / camera.width,
+        "shift_x": -(camera.cx - camera.width / 2) / camera.width,
+        "shift_y": (camera.cy - camera.height / 2) / camera.width * (camera.fx / camera.fy),
+    }  # fmt: skip
+
+
+def pixel_aspect(camera: Intrinsics) -> dict[str, float]:
+    """Return the pixel aspect of a scene: the shorter focal length belongs to the longer pixel side."""
+    across, down = camera.fy / camera.fx, camera.fx / camera.fy
+    return {"pixel_aspect_x": max(across, 1.0), "pixel_aspect_y": max(down, 1.0)}
+
+
 def set_pixel_aspect(render: bpy.types.RenderSettings, camera: Intrinsics) -> None:
-    """Set the pixel aspect: the shorter focal length belongs to the longer pixel side."""
-    render.pixel_aspect_x = max(camera.fy / camera.fx, 1.0)
-    render.pixel_aspect_y = max(camera.fx / camera.fy, 1.0)
+    """Set the pixel aspect of a scene for a pinhole."""
+    for path, value in pixel_aspect(camera).items():
+        setattr(render, path, value)
+
+
+def rotations_of(reconstruction: Reconstruction) -> Floats:
+    """Return the camera's rotation at each registered frame, a quaternion (k, 4) as it is keyed."""
+    images = reconstruction.images
+    return _continuous([quaternion_from_matrix(i.rotation.T @ FLIP) for i in images])
 
 
 def animate(camera: bpy.types.Object, reconstruction: Reconstruction) -> None:
-    """Key location, rotation and, where they change, intrinsics on every registered frame."""
-    camera.animation_data_clear()
-    _clear_intrinsics(camera.data)
-    camera.rotation_mode = "QUATERNION"
-    images = reconstruction.images
-    rotations = _continuous([quaternion_from_matrix(i.rotation.T @ FLIP) for i in images])
+    """Key location, rotation and, where they change, intrinsics on every registered frame.
+
+    Whatever else moves the camera or changes its view is removed.
+    """
+    camera.constraints.clear()
+    for path, value in UNMOVED.items():
+        setattr(camera, path, value)
+    images, rotations = reconstruction.images, rotations_of(reconstruction)
     varies = len({image.camera for image in images}) > 1
+    _clear(camera, POSE, images[0].frame)
+    _clear(camera.data, VIEW, images[0].frame if varies else None)
     for image, rotation in zip(images, rotations, strict=True):
         camera.location = image.centre
         camera.rotation_quaternion = rotation
-        camera.keyframe_insert("location", frame=image.frame)
-        camera.keyframe_insert("rotation_quaternion", frame=image.frame)
+        for path in POSE:
+            camera.keyframe_insert(path, frame=image.frame)
         if varies:
             set_intrinsics(camera.data, reconstruction.intrinsics(image), image.frame)
     if not varies:
@@ -59,16 +93,31 @@ def animate(camera: bpy.types.Object, reconstruction: Reconstruction) -> None:
         _make_linear(data)
 
 
-def _clear_intrinsics(data: bpy.types.Camera) -> None:
-    """Remove the keys of the intrinsics; others are the user's, as of a pull of Blender's own focus."""
+def _clear(data: bpy.types.ID, paths: Sequence[str], frame: int | None) -> None:
+    """Remove what animates properties; the rest is the user's, as of a pull of Blender's own focus."""
+    if frame is not None:
+        # Blender's first key can take up an Action again, with old curves.
+        data.keyframe_insert(paths[-1], frame=frame)
+    if data.animation_data is None:
+        return
+    for track in list(data.animation_data.nla_tracks):
+        data.animation_data.nla_tracks.remove(track)
+    for curves in (data.animation_data.drivers, curves_of(data)):
+        for curve in [curve for curve in curves if curve.data_path in (*paths, *UNMOVED)]:
+            if curve.group is not None:
+                curve.group.mute = False
+            curves.remove(curve)
+
+
+def curves_of(data: bpy.types.ID) -> Any:
+    """Return the F-curves of an object or its data; none without an action."""
     from bpy_extras.anim_utils import action_get_channelbag_for_slot
 
     animation = data.animation_data
     if animation is None or animation.action is None:
-        return
+        return ()
     bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
-    for curve in [curve for curve in (bag.fcurves if bag else ()) if curve.data_path in INTRINSICS]:
-        bag.fcurves.remove(curve)
+    return bag.fcurves if bag else ()
 
 
 def _continuous(quaternions: Sequence[Floats]) -> Floats:
@@ -81,15 +130,8 @@ def _continuous(quaternions: Sequence[Floats]) -> Floats:
 
 def _make_linear(data: bpy.types.ID) -> None:
     """Linear keys, of the type Generated: the dope sheet shows the user's own among them."""
-    animation = data.animation_data
-    if animation is None or animation.action is None:
-        return
-    from bpy_extras.anim_utils import action_ensure_channelbag_for_slot
-
-    bag = action_ensure_channelbag_for_slot(animation.action, animation.action_slot)
     generated = bpy.types.Keyframe.bl_rna.properties["type"].enum_items["GENERATED"].value
-    ours = (*INTRINSICS, "location", "rotation_quaternion")
-    for curve in (curve for curve in bag.fcurves if curve.data_path in ours):
+    for curve in (curve for curve in curves_of(data) if curve.data_path in (*INTRINSICS, *POSE)):
         linear = np.ones(len(curve.keyframe_points), dtype=np.int32)
         curve.keyframe_points.foreach_set("interpolation", linear)
         curve.keyframe_points.foreach_set("type", np.full(len(linear), generated, dtype=np.int32))

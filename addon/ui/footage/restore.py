@@ -1,11 +1,12 @@
-"""Bringing back what the user deleted of a solved clip."""
+"""Bringing back what the user deleted or changed of a solved clip."""
 
 import bpy
 
 from ...core.base.errors import UserError
 from ...core.media.clip import Footage, open_footage
 from ...scene import parts
-from ...scene.build import restore
+from ...scene.build import restore, restore_camera
+from ...scene.edited_camera import edits
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.shot import solved_clip
 from ..base.operators import Result, may_change, polls, reported, requires
@@ -37,6 +38,23 @@ class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
         else:
             raise UserError("the point cloud was deleted, and the solve with it; solve the clip again")
         self.report({"INFO"}, f"Restored: {words}")
+        return {"FINISHED"}
+
+
+class VIRTUAL_APERTURE_OT_restore_camera(bpy.types.Operator):  # noqa: N801
+    """Undo all changes of the clip's camera, which renders ignore"""
+
+    bl_idname = "virtual_aperture.restore_camera"
+    bl_label = "Restore Camera"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    poll = polls(may_change, requires(lambda c: edits(c.scene), "The clip's camera is as it was solved"))
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        edited = edits(context.scene)
+        restore_camera(context.scene, _footage(context.scene.virtual_aperture))
+        self.report({"INFO"}, f"Restored: {', '.join(edited)}")
         return {"FINISHED"}
 
 

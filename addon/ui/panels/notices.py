@@ -12,13 +12,14 @@ from ...render.engine import VirtualApertureEngine
 from ...render.views import frame_notes
 from ...scene import parts
 from ...scene.base import version
+from ...scene.edited_camera import edits
 from ...scene.ignored import ignored
 from ...scene.sources.clip import WHILE_PLAYED, trouble_with
 from ..base.operators import check_may_change, sentence
 from ..base.solving import running_solve
 from ..base.text import wrapped
 from ..footage.find_clip import VIRTUAL_APERTURE_OT_find_clip
-from ..footage.restore import VIRTUAL_APERTURE_OT_restore_objects
+from ..footage.restore import VIRTUAL_APERTURE_OT_restore_camera, VIRTUAL_APERTURE_OT_restore_objects
 from ..footage.solve import VIRTUAL_APERTURE_OT_solve
 from ..jobs import depth_ahead, render_clip, report_list
 from ..picking.pick_subject import VIRTUAL_APERTURE_OT_pick_subject
@@ -141,7 +142,13 @@ def _output(scene: bpy.types.Scene) -> Iterator[Notice]:
             draw_way_out=lambda layout: layout.prop(scene.render, "engine", text=""),
         )  # fmt: skip
     if lines := ignored(scene):
-        yield Notice(f"{counted(len(lines), 'setting')} ignored", lines)
+        is_edited = bool(edits(scene))
+        short = "Camera edits ignored" if is_edited else f"{counted(len(lines), 'setting')} ignored"
+        restore = VIRTUAL_APERTURE_OT_restore_camera.bl_idname
+        yield Notice(
+            short, lines,
+            draw_way_out=lambda layout: is_edited and layout.operator(restore, icon="LOOP_BACK"),
+        )  # fmt: skip
 
 
 def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
