@@ -18,7 +18,6 @@ from ..core.focus.focus import (
     check_distance,
     check_points,
     largest_discs,
-    radius_for_blur,
     sharp_distances,
 )
 from ..core.focus.picking import unsolved
@@ -38,7 +37,7 @@ from ..scene.build import build
 from ..scene.focus import focus_marks
 from ..scene.focus.clicks import place_at
 from ..scene.lens import aperture_cloud
-from ..scene.lens.lens import frame_options, set_aperture
+from ..scene.lens.lens import frame_options
 from ..scene.lens.repairs import add_repairs, repairs_of
 from ..scene.properties import VirtualApertureSettings
 from ..scene.sources import colour_space
@@ -110,14 +109,14 @@ def set_lens(
             f"the method {method} needs at least {fewest} focus points: use --focus-point, or"
             " --focus-at where there are points"
         )
-    radius = options.aperture_radius
-    if radius is None:
-        radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
+    focus.inverse_depth(reconstruction, frame)
     focus_marks.set_focus(settings, focus, frame)
     if picked:
         focus_marks.replace_all(settings, map(FocusMark.of, picked))
-    blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
-    set_aperture(settings, radius, blur)
+    if options.aperture_radius is None:
+        settings.blur = options.blur or DEFAULT_BLUR
+    else:
+        settings.aperture_radius = options.aperture_radius
     for name in FRAME_OPTIONS:
         if (value := getattr(options, name)) is not None:
             setattr(settings, name, value)

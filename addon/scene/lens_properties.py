@@ -1,10 +1,8 @@
 """Settings of the lens: focus, blur and aperture."""
 
-from collections.abc import Callable
-
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
 from .focus import focus_marks
 from .focus.focus_marks import VirtualApertureFocusMarks
@@ -21,24 +19,21 @@ def aperture_changed(settings: bpy.types.PropertyGroup, _context: bpy.types.Cont
     aperture_cloud.update(settings)
 
 
-def _edited(
-    follow: Callable[[bpy.types.PropertyGroup], None],
-) -> Callable[[bpy.types.PropertyGroup, bpy.types.Context], None]:
-    """An update callback that lets the rest of the lens follow an edit by hand or by a script."""
-
-    def update(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-        if lens.is_writing():
-            return
+def _distance_set(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    if not lens.is_writing():
         with lens.writing():
-            follow(settings)
+            focus_marks.on_distance(settings)
         aperture_changed(settings, context)
 
-    return update
+
+def _blur_set(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    lens.store_blur(settings)
+    aperture_changed(settings, context)
 
 
-def _follow_distance(settings: bpy.types.PropertyGroup) -> None:
-    focus_marks.on_distance(settings)
-    lens.on_focus(settings)
+def _radius_set(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    settings.by_f_stop = False
+    aperture_changed(settings, context)
 
 
 LEAST_BOOST, MOST_BOOST = -4.0, 9.0
@@ -76,7 +71,7 @@ class LensProperties:
         soft_max=100.0,
         default=0.0,
         precision=3,
-        update=_edited(_follow_distance),
+        update=_distance_set,
     )
     focus_length: FloatProperty(
         name="Focus Distance",
@@ -93,7 +88,7 @@ class LensProperties:
         name="Plane Through Points",
         description="Tilt the focal plane to pass through the picked points (three or more)",
         default=False,
-        update=_edited(lens.on_focus),
+        update=aperture_changed,
     )
     focus_tilt: FloatProperty(
         name="Tilt",
@@ -103,7 +98,7 @@ class LensProperties:
         min=-MOST_TILT,
         max=MOST_TILT,
         default=0.0,
-        update=_edited(lens.on_focus),
+        update=aperture_changed,
     )
     focus_swing: FloatProperty(
         name="Swing",
@@ -113,29 +108,29 @@ class LensProperties:
         min=-MOST_TILT,
         max=MOST_TILT,
         default=0.0,
-        update=_edited(lens.on_focus),
+        update=aperture_changed,
     )
     blur: FloatProperty(
         name="Blur",
-        description="Diameter of the farthest background's blur disc, as a fraction of the image width, at"
-        " the current frame and focus; it changes during a focus pull. Setting it sets the aperture radius,"
-        " which stays constant. When animated, the blur itself is kept",
+        description="Diameter of the farthest background's blur disc, as a fraction of the image width, with"
+        " the first focus mark in focus. The aperture is the same in all frames. When animated, the blur is"
+        " that of each frame. While an aperture is set, the blur that results at this frame",
         min=0.0001,
         soft_max=0.1,
         max=1.0,
         default=0.03,
-        precision=lens.BLUR_DIGITS,
+        precision=4,
         step=0.1,
-        get_transform=lambda settings, stored, _is_set: lens.blur_now(settings, stored),
-        update=_edited(lens.on_blur),
+        get_transform=lens.shown_blur,
+        update=_blur_set,
     )
     blur_percent: FloatProperty(
         name="Background Blur",
-        description="Diameter of the farthest background's blur disc, in per cent of the image width, at the"
-        " current frame and focus",
+        description="Diameter of the farthest background's blur disc, in per cent of the image width, with"
+        " the first focus mark in focus",
         subtype="PERCENTAGE",
-        get=lens.blur_percent,
-        set=lens.set_blur_percent,
+        get=lambda settings: 100 * settings.blur,
+        set=lambda settings, value: setattr(settings, "blur", value / 100),
         min=0.01,
         soft_max=10.0,
         max=100.0,
@@ -143,19 +138,24 @@ class LensProperties:
         step=10,
         options=set(),
     )
-    follows_blur: BoolProperty(
-        name="Follows Blur",
-        description="The radius follows the blur while the first distance is dragged",
+    by_f_stop: BoolProperty(
+        name="By F-Stop", description="The stored aperture was set as an f-stop", options={"HIDDEN"}
+    )
+    object_distance: FloatProperty(
+        name="Object Distance",
+        description="Distance of the focus object when it was put in focus, at which the blur is measured",
         options={"HIDDEN"},
     )
+    object_name: StringProperty(name="Object", description="Name of that object", options={"HIDDEN"})
     aperture_radius: FloatProperty(
         name="Aperture Radius",
         description="Radius of the virtual aperture, in scene units; an imported model brings its own unit."
-        " Constant throughout the clip unless animated. 0 until the first focus sets it from the blur",
+        " Constant throughout the clip unless animated. Set it in place of the blur; 0 goes back to the blur",
         min=0.0,
         default=0.0,
         precision=4,
-        update=_edited(lens.on_radius),
+        get_transform=lens.shown_radius,
+        update=_radius_set,
     )
     metres_per_unit: FloatProperty(
         name="Meters per Unit",

@@ -18,7 +18,16 @@ from ..scene.sources import clip, shot
 from . import panels
 from .base import solving
 from .base.operators import classes_of
-from .focus import bokeh, focus_list, focus_strip, lens_presets, repair_list, subjects, thumbnails
+from .focus import (
+    bokeh,
+    focus_list,
+    focus_strip,
+    lens_amount,
+    lens_presets,
+    repair_list,
+    subjects,
+    thumbnails,
+)
 from .footage import choose_clip, file_import, find_clip, import_solve, photos, restore, solve, solve_view
 from .jobs import add, depth_ahead, export, first_person, movie, quit_question, render_clip, report_list
 from .panels import engine_panels, live_preview, preferences, wipe
@@ -31,7 +40,7 @@ CLASSES = (
     *classes_of(
         preferences, choose_clip, depth_ahead, solve, movie, render_clip, export, add, quit_question,
         find_clip, restore, photos, pick_vertices, focus_list, focus_strip, pick_focus, pick_subject,
-        paint_repair, subjects, repair_list, import_solve, file_import, lens_presets, set_scale,
+        paint_repair, subjects, repair_list, import_solve, file_import, lens_presets, lens_amount, set_scale,
         report_list, live_preview, wipe,
     ),
     *panels.CLASSES,

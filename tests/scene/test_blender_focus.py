@@ -11,7 +11,7 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.focus.focus import Focus
+from addon.core.focus.focus import Focus, radius_for_blur
 from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark
 from addon.render.output.frame_keys import frame_keys
@@ -59,10 +59,13 @@ def test_an_object_is_in_focus_at_each_frame(
     settings = scene.virtual_aperture
     settings.camera.data.dof.focus_object = empty
     bpy.context.view_layer.update()
-    assert settings.aperture_radius > 0, "the first focus chooses the aperture"
+    away = shot.reconstruction.image_at(1)[0].to_camera(WORLD)[2]
+    radius = radius_for_blur(shot.reconstruction, Focus(distance=away), 1, settings.blur)
+    assert settings.aperture_radius == pytest.approx(radius, rel=1e-5)
     for frame in (1, 5, 8):
         true = shot.reconstruction.image_at(frame)[0].to_camera(WORLD)[2]
         assert focused(scene, frame) == pytest.approx(true, rel=1e-5)
+        assert settings.aperture_radius == pytest.approx(radius, rel=1e-5)
     # Also where it is animated, and within a root that the user has scaled.
     empty.keyframe_insert("location", frame=1)
     empty.location = 1.5 * WORLD
@@ -103,6 +106,7 @@ def test_a_render_is_that_of_the_objects_distance(
         return {frame: cv2.imread(str(tmp_path / name / f"{frame:04d}.png")) for frame in (1, 8)}
 
     followed, distances = render("object"), {frame: focused(scene, frame) for frame in (1, 8)}
+    settings.aperture_radius = settings.aperture_radius
     settings.camera.data.dof.focus_object = None
     focus_marks.clear(settings)
     for frame, away in distances.items():

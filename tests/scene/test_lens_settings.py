@@ -122,10 +122,12 @@ def test_blur_sets_the_radius_and_the_radius_shows_its_blur(scene, shot, setting
     set_focus(settings, Focus(points=PICKED), 1)
     scene.frame_set(3)
     settings.blur = 0.05
-    expected = radius_for_blur(shot.reconstruction, Focus(points=PICKED), 3, 0.05)
+    # At the mark, whatever frame is shown.
+    expected = radius_for_blur(shot.reconstruction, Focus(points=PICKED), 1, 0.05)
     assert settings.aperture_radius == pytest.approx(expected, rel=1e-5)
     assert settings.blur == pytest.approx(0.05)
     settings.aperture_radius = 0.1
+    # What results at the frame that is shown.
     expected = blur_for_radius(shot.reconstruction, Focus(points=PICKED), 3, 0.1)
     assert settings.blur == pytest.approx(expected, rel=1e-5)
     assert settings.aperture_radius == pytest.approx(0.1)
@@ -148,8 +150,18 @@ def pull(scene, settings) -> float:
     return float(settings.aperture_radius)
 
 
-def test_the_blur_that_is_shown_in_a_pull_is_that_of_the_frame(scene, shot, settings) -> None:
+def test_a_stored_blur_is_the_same_over_a_pull(scene, shot, settings) -> None:
+    radius = pull(scene, settings)
+    assert radius == pytest.approx(radius_for_blur(shot.reconstruction, Focus(distance=6.0), 1, 0.06))
+    for frame in shot.footage.frames:
+        scene.frame_set(frame)
+        assert settings.blur == pytest.approx(0.06) and settings.aperture_radius == radius
+    assert radii(scene, shot) == [pytest.approx(radius)] * 5
+
+
+def test_the_blur_that_an_aperture_gives_is_that_of_the_frame(scene, shot, settings) -> None:
     radius, shown = pull(scene, settings), []
+    settings.aperture_radius = radius
     for frame in shot.footage.frames:
         scene.frame_set(frame)
         focus = Focus(distance=settings.focus_distance)
@@ -171,15 +183,14 @@ def test_typing_the_blur_that_is_shown_changes_nothing(scene, shot, settings, di
     for frame in shot.footage.frames:
         scene.frame_set(frame)
         settings.blur = round(settings.blur, digits)
-        assert settings.aperture_radius == radius
+        assert settings.aperture_radius == pytest.approx(radius, rel=1e-6)
 
 
-def test_the_blur_that_is_typed_is_that_of_the_frame(scene, shot, settings) -> None:
+def test_the_blur_that_is_typed_is_that_of_the_first_mark(scene, shot, settings) -> None:
     pull(scene, settings)
     scene.frame_set(4)
     settings.blur = 0.02
-    focus = Focus(distance=settings.focus_distance)
-    expected = radius_for_blur(shot.reconstruction, focus, 4, 0.02)
+    expected = radius_for_blur(shot.reconstruction, Focus(distance=6.0), 1, 0.02)
     assert settings.blur == pytest.approx(0.02, rel=1e-5)
     assert radii(scene, shot) == [pytest.approx(expected, rel=1e-5)] * 5
 
@@ -224,7 +235,7 @@ def test_clearing_leaves_the_focus_at_its_distance(scene, shot, settings) -> Non
     radius = settings.aperture_radius
     focus_marks.clear(settings)
     assert lens.focus_of(settings).distance == pytest.approx(depth(shot, 1))
-    assert settings.aperture_radius == radius
+    assert settings.aperture_radius == pytest.approx(radius)
     settings.focus_distance = 0.0
     assert not lens.is_in_focus(settings)
     with pytest.raises(UserError, match="nothing is in focus"):

@@ -18,7 +18,6 @@ from addon.scene.build import build
 from addon.scene.focus.focus_marks import set_focus
 from addon.scene.focus.refocus import keep_focus, restore_focus
 from addon.scene.lens import lens
-from addon.scene.lens.lens import set_aperture
 from addon.ui.base.solving import Solving
 from addon.ui.footage.solve import kept_words
 
@@ -121,7 +120,7 @@ def test_points_distance_aperture_and_keys_are_kept(
 ) -> None:
     settings = scene_of(scene, tmp_path, old)
     set_focus(settings, Focus(PICKED), 2)
-    set_aperture(settings, 0.1, None)
+    settings.aperture_radius = 0.1
     distance = settings.focus_distance
     with lens.writing():
         for frame, value in ((1, 4.0), (4, 8.0)):

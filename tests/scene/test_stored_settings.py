@@ -37,6 +37,8 @@ def taken_over(before: Any) -> tuple[Any, ...]:
     assert settings.pop("focus_by") == "DISTANCE" and enums.pop("focus_by")
     del settings["focus_points"], settings["focus_frame"]
     assert settings["marks"].pop("is_first")
+    # A radius that is not 0 is what is stored.
+    assert settings.pop("follows_blur")
     (mark,) = settings["marks"]["items"]
     (place,) = mark.pop("places")
     assert place["points"] == [{"point": 1}] and place["through_points"] and place["has_world"]

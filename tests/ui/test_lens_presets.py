@@ -21,7 +21,6 @@ from ..scenes import slanted_shot
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 SUBDIR = VIRTUAL_APERTURE_PT_lens_presets.preset_subdir
 SHIPPED = sorted((ROOT / "presets" / SUBDIR).glob("*.py"))
-AMOUNT = {"blur", "blur_percent", "aperture_radius", "f_stop", "follows_blur"}
 SIZE = re.compile(r"(\d+)_mm_.*f_slash_([\d.]+)\.py")
 
 
@@ -70,21 +69,22 @@ def test_a_preset_sets_the_lens_and_nothing_else(settings: bpy.types.PropertyGro
     use(file)
     after = values(settings)
     changed = {name for name in before if before[name] != after[name]}
-    assert changed <= {"highlights", "highlight_boost", *AMOUNT}
+    assert changed <= {"highlights", "highlight_boost"}
     # What its picture shows: nothing is left of the lens before.
     pictured, seen = (asdict(shape) for shape in (preset_aperture(file), settings.shape.aperture))
     assert pictured == pytest.approx(seen)
-    if size := SIZE.fullmatch(file.name):
-        focal, stop = float(size[1]), float(size[2])
-        far = 10.0 if "Mirror" in file.name else 2.0
-        # Of a far background on a full frame.
-        assert settings.blur == pytest.approx(focal**2 / (stop * (1000 * far - focal)) / 36, abs=6e-5)
-    else:
-        assert not AMOUNT & changed
+    # The aperture only if it was set by its f-stop.
+    settings.aperture_radius = 0.1
+    use(file)
+    assert settings.aperture_radius == pytest.approx(0.1)
+    settings.f_stop = 3.3
+    use(file)
+    size = SIZE.fullmatch(file.name)
+    assert settings.f_stop == pytest.approx(float(size[2]) if size else 3.3)
 
 
-def test_the_f_stop_counts_where_the_scale_is_known(settings: bpy.types.PropertyGroup) -> None:
-    settings.metres_per_unit = 0.25
+def test_a_stored_f_stop_is_replaced(settings: bpy.types.PropertyGroup) -> None:
+    settings.metres_per_unit, settings.f_stop = 0.25, 8.0
     use(next(file for file in SHIPPED if file.name == "50_mm_f_slash_1.4.py"))
     assert settings.f_stop == pytest.approx(1.4)
     assert settings.aperture_radius == pytest.approx(0.0315 / 2.8 / 0.25, rel=1e-5)
@@ -107,7 +107,7 @@ def test_own_presets_are_kept_and_removed(settings: bpy.types.PropertyGroup, own
     assert (preset_aperture(file).blades, preset_aperture(file).vignetting) == (7, 0.25)
     use(file)
     assert (shape.blades, shape.vignetting, settings.highlights) == (7, 0.25, 2.0)
-    assert settings.blur == pytest.approx(0.04)
+    assert settings.blur == pytest.approx(0.02)
     assert settings.focus_distance == 8.0
     assert add(name="Mine / 1") == {"CANCELLED"}
     assert add(name="Mine / 1", remove_name=True) == {"FINISHED"}

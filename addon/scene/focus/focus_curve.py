@@ -19,21 +19,18 @@ GROUP = "Focus"
 """Name of the F-curve's group in the dope sheet."""
 
 
-def write(
-    settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark], unseen: Sequence[int]
-) -> dict[int, float]:
-    """Make the curve of marks, in place of the one that is there; the distances by frame.
+def write(settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark], unseen: Sequence[int]) -> None:
+    """Make the curve of marks, in place of the one that is there.
 
     At frames `unseen` a mark is carried that they do not show.
     """
     own = {mark.frame for mark in marks}
     frames = sorted(own | set(range(settings.clip_first, settings.clip_last + 1)))
-    distances = pull(marks, reconstruction_of(settings), frames)
     curve = _made(settings)
     keys = curve.keyframe_points
     keys.clear()
     keys.add(len(frames))
-    places = np.array(list(distances.items()), np.float32)
+    places = np.array(list(pull(marks, reconstruction_of(settings), frames).items()), np.float32)
     keys.foreach_set("co", places.ravel())
     kinds = _kinds()
     hidden = set(unseen)
@@ -46,7 +43,6 @@ def write(
         keys.foreach_set(f"select_{part}", np.zeros(len(frames), dtype=bool))
     curve.update()
     settings.marks.written = _digest(curve)
-    return distances
 
 
 def value(settings: bpy.types.PropertyGroup, frame: int) -> float:

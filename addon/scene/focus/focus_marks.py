@@ -188,8 +188,6 @@ def on_distance(settings: bpy.types.PropertyGroup) -> None:
         return
     if not len(marks):
         marks.add().frame = clip_frame(settings.id_data)
-        # An aperture that is chosen already stays.
-        settings.follows_blur = False
     fill(marks[0], [at_distance(distance, marks[0].frame)])
 
 
@@ -253,10 +251,8 @@ def write(settings: bpy.types.PropertyGroup) -> None:
         if steady is not None:
             focus_curve.remove(settings)
             settings.focus_distance = settings.marks.items[0].distance = steady
-            lens.choose_aperture(settings)
             return
-        settings.focus_distance = focus_curve.write(settings, marks, hidden)[marks[0].frame]
-        lens.choose_aperture(settings)
+        focus_curve.write(settings, marks, hidden)
         settings.focus_distance = focus_curve.value(settings, clip_frame(settings.id_data))
         for mark in settings.marks.items:
             mark.distance = focus_curve.value(settings, mark.frame)
@@ -285,10 +281,7 @@ def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
 
 
 def put_first(settings: bpy.types.PropertyGroup, place: Place) -> None:
-    """Put a place in focus that nobody has picked. With an assumed scale, the aperture follows the blur."""
-    if not settings.metres_per_unit > 0:
-        with lens.writing():
-            settings.aperture_radius = 0.0
+    """Put a place in focus that nobody has picked."""
     put(settings, place.frame, [replace(place, is_automatic=True)])
 
 

@@ -1,23 +1,25 @@
-"""Chooses the aperture after an object is put in focus in the camera's properties, without an event."""
+"""Notes how far away an object is that is put in focus in the camera's properties, without an event."""
 
 import bpy
 from bpy.app.handlers import persistent
 
 from ..gpu import main_thread
-from ..lens import blender_focus, lens
+from ..lens import blender_focus
 
 
 @persistent
 def _on_update(scene: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph | None = None) -> None:
     settings = scene.virtual_aperture
-    if settings.points is None or settings.aperture_radius > 0 or lens.is_writing():
+    thing = blender_focus.focus_object(settings)
+    name = "" if thing is None else thing.name_full
+    if settings.object_name == name:
         return
     # A render's data are its own, on whichever thread.
-    if not main_thread.is_here() or bpy.app.is_job_running("RENDER"):
-        return
-    if blender_focus.distance(settings) is not None:
-        with lens.writing():
-            lens.on_focus(settings)
+    if main_thread.is_here() and not bpy.app.is_job_running("RENDER"):
+        away = blender_focus.distance(settings)
+        settings.object_name, settings.object_distance = name, max(away or 0.0, 0.0)
+        # Properties without a callback do not have the scene evaluated.
+        scene.update_tag()
 
 
 def register() -> None:

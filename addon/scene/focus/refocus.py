@@ -30,9 +30,13 @@ class KeptFocus:
     distance: float
     """0 without a focus."""
     radius: float
-    """0 while the blur has not chosen it."""
+    """0 while the blur is stored."""
+    f_stop: float
+    """0 unless the aperture was set by it."""
     metres_per_unit: float
     """0 where it is not known."""
+    guessed_scale: float
+    """The same by people in the clip."""
 
 
 def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | None:
@@ -40,14 +44,16 @@ def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | Non
     if settings.points is None or not is_clip(clip, settings.clip_identity):
         return None
     marks = () if focus_marks.are_keys_gone(settings) else tuple(marks_of(settings))
-    distance, scale = settings.focus_distance, settings.metres_per_unit
-    if not marks and not distance and not scale:
+    distance, radius = settings.focus_distance, lens.stored(settings, "aperture_radius")
+    scales = settings.metres_per_unit, settings.guessed_scale
+    if not (marks or distance or radius or any(scales)):
         return None
     try:
         old = reconstruction_of(settings)
     except UserError:
         return None
-    return KeptFocus(old, marks, distance, settings.aperture_radius, scale)
+    stop = settings.f_stop if settings.by_f_stop else 0.0
+    return KeptFocus(old, marks, distance, radius, stop, *scales)
 
 
 def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Reconstruction) -> str:
@@ -59,8 +65,11 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
     scale = carry_focus(old, new, Focus(), frame).scale
     with lens.writing():
         settings.focus_distance = kept.distance * scale
+    if kept.radius > 0:
         settings.aperture_radius = kept.radius * scale
     settings.metres_per_unit = kept.metres_per_unit / scale
+    settings.guessed_scale = kept.guessed_scale / scale
+    settings.f_stop = kept.f_stop
     for name in LENGTHS:
         _scale_keys(lens.keys_of(settings, name), scale)
     carried = [

@@ -1,8 +1,5 @@
 """The virtual cameras shown as points over the aperture, in front of the actual camera."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import bpy
 import numpy as np
 
@@ -15,27 +12,12 @@ from ..sources.shot import reconstruction_of
 from . import depth_of_field
 from .lens import focus_frame, frame_options
 
-_held = False
-
-
-@contextmanager
-def held() -> Iterator[None]:
-    """Suspend `update` for many edits at a time: call it once afterwards."""
-    global _held
-    _held = True
-    try:
-        yield
-    finally:
-        _held = False
-
 
 def update(settings: bpy.types.PropertyGroup) -> None:
     """Move the points to where the settings put the virtual cameras; none while nothing is in focus.
 
     The camera's own depth of field follows.
     """
-    if _held:
-        return
     depth_of_field.show_in_camera(settings)
     if settings.aperture is None or settings.points is None:
         return

@@ -2,7 +2,7 @@
 
 A reconstruction has no scale. Once the user gives a length or a distance, `metres_per_unit` of the settings
 is known, and the f-stop is focal length / (2 R), both in metres. Until then `scale` guesses or assumes it.
-Blur, radius and f-stop are three views of one number; the radius R is stored.
+Blur, radius and f-stop are three views of one number (`lens`).
 """
 
 import math
@@ -17,19 +17,21 @@ from ...core.optics.zone import InFocusZone
 from ..base.timeline import clip_frame
 from ..sources.shot import IDENTITY, reconstruction_of
 from . import lens
-from .scale import known_scale, scale, sensor_millimetres
+from .scale import scale, sensor_millimetres
 
 
 def focal_metres(settings: bpy.types.PropertyGroup) -> float:
-    """Return the camera's focal length in metres at the present frame; 0 without a camera.
+    """Return the clip's focal length in metres, a zoom's at its first frame; 0 without a solve.
 
     It belongs to the sensor if its width is given, else to a full frame, 36 mm wide, with the same field of
     view.
     """
-    if settings.camera is None or settings.camera.type != "CAMERA":
+    try:
+        reconstruction = reconstruction_of(settings)
+    except UserError:
         return 0.0
-    data = settings.camera.data
-    return float(data.lens / data.sensor_width * sensor_millimetres(settings) / 1000)
+    camera = reconstruction.intrinsics(reconstruction.images[0])
+    return camera.fx / camera.width * sensor_millimetres(settings) / 1000
 
 
 def subject_metres(settings: bpy.types.PropertyGroup) -> float:
@@ -61,31 +63,34 @@ def t_stop(settings: bpy.types.PropertyGroup) -> float:
     return f_stop(settings) / math.sqrt(settings.shape.aperture.transmission)
 
 
-_assumes = True
-"""True if an f-stop uses an assumed scale where none is given."""
+def set_f_stop(settings: bpy.types.PropertyGroup, value: float) -> None:
+    """Store the aperture by its f-stop; nothing is changed by 0, nor without a solve."""
+    focal, metres = focal_metres(settings), scale(settings)
+    if value > 0 and focal > 0 and metres > 0:
+        settings.aperture_radius = focal / (2 * value * metres)
+        settings.by_f_stop = True
 
 
 @contextmanager
-def by_given_scale() -> Iterator[None]:
-    """Set f-stops within only if the scale is given.
-
-    Presets also have a blur: that of their lens. With an assumed scale the f-stop of a long lens would blur
-    as little as on a short one.
-    """
-    global _assumes
-    _assumes = False
+def amount_kept(settings: bpy.types.PropertyGroup) -> Iterator[None]:
+    """Keep the stored amount of blur within; a stored f-stop is replaced by one that is set."""
+    blur, radius = (lens.stored(settings, name) for name in ("blur", "aperture_radius"))
+    by_f_stop = settings.by_f_stop
     try:
         yield
     finally:
-        _assumes = True
+        stop = f_stop(settings) if by_f_stop and settings.by_f_stop else 0.0
+        settings.blur = blur
+        if radius > 0:
+            settings.aperture_radius, settings.by_f_stop = radius, by_f_stop
+        set_f_stop(settings, stop)
 
 
-def set_f_stop(settings: bpy.types.PropertyGroup, value: float) -> None:
-    """Choose the aperture by its f-stop; nothing is changed by 0, nor without a solve."""
-    focal = focal_metres(settings)
-    metres = scale(settings) if _assumes else known_scale(settings)
-    if value > 0 and focal > 0 and metres > 0:
-        settings.aperture_radius = focal / (2 * value * metres)
+def guess_scale(settings: bpy.types.PropertyGroup, metres: float) -> None:
+    """Set the scale that people in the clip have; a stored f-stop is that of the new scale."""
+    stop = f_stop(settings) if settings.by_f_stop and not settings.metres_per_unit > 0 else 0.0
+    settings.guessed_scale = metres
+    set_f_stop(settings, stop)
 
 
 def on_scale(settings: bpy.types.PropertyGroup) -> None:
@@ -107,7 +112,7 @@ def show_in_camera(settings: bpy.types.PropertyGroup) -> None:
 
     Blender takes its lens to be millimetres and the scene's units to be metres.
     """
-    if settings.camera is None or settings.camera.type != "CAMERA" or not lens.has_radius(settings):
+    if settings.camera is None or settings.camera.type != "CAMERA":
         return
     scale = settings.root.matrix_world.median_scale if settings.root is not None else 1.0
     across = 2 * settings.aperture_radius * scale
@@ -129,10 +134,8 @@ def sharp_distances(settings: bpy.types.PropertyGroup) -> tuple[float, float] | 
         return None
     frame, focus = clip_frame(settings.id_data), lens.focus_of(settings)
     zone = lens.zone_of(settings)
-    by_blur = settings.blur, lens.focus_frame(settings)
-    chosen = settings.aperture_radius if lens.has_radius(settings) else by_blur
     mesh = settings.points.original.data
-    key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus, zone, chosen)
+    key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus, zone, settings.aperture_radius)
     if _last is None or _last[0] != key:
         _last = key, _sharp_distances(settings, focus, zone, frame)
     return _last[1]

@@ -1,13 +1,14 @@
-"""The lens of the settings: focus, and an aperture that keeps its size.
+"""The lens of the settings: focus, and an aperture that keeps its size over the clip.
 
-Blur and aperture radius are two views of one value: the blur at one frame, with its focus; the radius for the
-whole clip. A chosen radius is stored: the blur is computed from it whenever it is read, for the present frame
-and focus, and editing it sets the radius. A keyed blur counts at every frame. The stored blur is the last
-wished one: it counts without a focus, or without a chosen radius.
+One amount is stored: the blur until an aperture is set, from then on the aperture's radius, which an f-stop
+sets, too. The others are computed from it whenever they are read. A stored blur is that of the first mark, at
+its frame and focus, so the radius is the same in all frames; a keyed blur is that of each frame.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
 
 import bpy
 import numpy as np
@@ -15,27 +16,23 @@ import numpy as np
 from ...core.base.errors import UserError
 from ...core.camera.focal_length import Focal, from_equivalent, from_sensor
 from ...core.camera.reconstruction import Reconstruction
-from ...core.focus.focus import Focus, blur_for_radius, radius_for_blur
+from ...core.focus.focus import Focus, radius_for_blur
 from ...core.frame.options import FRAME_OPTIONS, frame_values
 from ...core.frame.plan import FrameOptions
 from ...core.optics.zone import InFocusZone
 from ..base.option_properties import values_of
 from ..base.timeline import clip_frame
-from ..sources.shot import IDENTITY, reconstruction_of
+from ..sources.shot import reconstruction_of
 from . import blender_focus
 from .repairs import repairs_of
 from .scale import scale, sensor_millimetres
 
-BLUR_DIGITS = 4
-"""Decimals that the field of the blur shows."""
-EDITED_DIGITS = 6
-"""Decimals of a number that Blender shows while its field is edited."""
 _writing = False
 
 
 @contextmanager
 def writing() -> Iterator[None]:
-    """Write properties of the lens within without effects on each other; the blur is the stored number."""
+    """Write focus and marks within without effects on each other."""
     global _writing
     before, _writing = _writing, True
     try:
@@ -118,11 +115,30 @@ def radius_of(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
         UserError: It follows from the blur, which has no value.
     """
     if has_radius(settings):
-        return float(settings.aperture_radius)
+        return stored(settings, "aperture_radius")
+    unit = _unit_radius(reconstruction, *_place_of_blur(settings, reconstruction))
+    return float(settings.blur * unit)
+
+
+def _place_of_blur(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> tuple[Focus, int]:
+    """The focus and the registered frame that the blur is measured at."""
     frame = focus_frame(settings)
-    if frame not in reconstruction.frames:
-        frame = int(reconstruction.frames[0])
-    return radius_for_blur(reconstruction, focus_of(settings), frame, settings.blur)
+    at = registered(reconstruction, frame)
+    if is_keyed(settings, "blur"):
+        return focus_of(settings), at
+    focus = focus_of_settings(settings)
+    distance = _at(settings, "focus_distance", frame)
+    if blender_focus.focus_object(settings) is not None:
+        distance = settings.object_distance or blender_focus.distance(settings) or 0.0
+        focus = replace(focus, points=(), through_points=False)
+    tilt, swing = (_at(settings, name, frame) for name in ("focus_tilt", "focus_swing"))
+    return replace(focus, distance=distance if distance > 0 else None, tilt=tilt, swing=swing), at
+
+
+def _at(settings: bpy.types.PropertyGroup, name: str, frame: int) -> float:
+    """A number of the settings at a frame, by its keys if it has any."""
+    curve = keys_of(settings, name)
+    return float(getattr(settings, name) if curve is None else curve.evaluate(frame))
 
 
 def is_in_focus(settings: bpy.types.PropertyGroup) -> bool:
@@ -132,8 +148,18 @@ def is_in_focus(settings: bpy.types.PropertyGroup) -> bool:
 
 
 def has_radius(settings: bpy.types.PropertyGroup) -> bool:
-    """Return whether the aperture's radius counts; else the blur does."""
-    return bool(settings.aperture_radius > 0) and not is_keyed(settings, "blur")
+    """Return whether the aperture's radius is what is stored; else the blur is."""
+    return stored(settings, "aperture_radius") > 0 and not is_keyed(settings, "blur")
+
+
+def stored(settings: bpy.types.PropertyGroup, name: str) -> float:
+    """Return a number as the file has it, where reading it computes another."""
+    held: Any = settings.bl_system_properties_get()
+    return float(
+        settings.bl_rna.properties[name].default
+        if held is None
+        else held.get(name, settings.bl_rna.properties[name].default)
+    )
 
 
 def is_keyed(settings: bpy.types.PropertyGroup, name: str) -> bool:
@@ -171,124 +197,61 @@ def key_distance(settings: bpy.types.PropertyGroup, distance: float) -> None:
     settings.id_data.keyframe_insert(settings.path_from_id("focus_distance"), frame=_frame(settings))
 
 
-def choose_aperture(settings: bpy.types.PropertyGroup) -> None:
-    """Choose the aperture of a first focus, from the blur; a later one looks through the same lens."""
-    if settings.follows_blur or not settings.aperture_radius > 0:
-        _store_radius(settings, focus_frame(settings))
-    settings.follows_blur = False
-
-
 def reset(settings: bpy.types.PropertyGroup) -> None:
-    """Reset the lens for a new solve, with other points and another scale: no focus, and the blur counts."""
+    """Reset the lens for a new solve, with other points and scale: no focus, and the blur is stored."""
     with writing():
-        settings.focus_distance = settings.aperture_radius = 0.0
-        settings.follows_blur = False
+        settings.focus_distance = 0.0
+    store_blur(settings)
 
 
-def set_aperture(settings: bpy.types.PropertyGroup, radius: float, blur: float | None) -> None:
-    """Choose the aperture's radius, and the wished blur; by default the radius gives the blur."""
-    with writing():
-        settings.aperture_radius, settings.follows_blur = radius, False
-        settings.blur = _blur_at(settings, focus_frame(settings)) or settings.blur if blur is None else blur
+def store_blur(settings: bpy.types.PropertyGroup) -> None:
+    """Have the blur stored in place of an aperture."""
+    settings.property_unset("aperture_radius")
+    settings.by_f_stop = False
 
 
-def blur_now(settings: bpy.types.PropertyGroup, stored: float) -> float:
-    """Return the blur of the radius at the present frame and focus.
-
-    It is the stored number if that counts, without a focus, and within `writing`.
-    """
-    if is_writing() or not has_radius(settings):
-        return stored
-    return _blur_at(settings, _frame(settings)) or stored
-
-
-def blur_percent(settings: bpy.types.PropertyGroup) -> float:
-    """Return the blur of the present frame and focus in per cent of the picture's width."""
-    return float(100 * settings.blur)
-
-
-def set_blur_percent(settings: bpy.types.PropertyGroup, value: float) -> None:
-    """Choose the blur in per cent of the picture's width; the shown number, typed again, changes nothing."""
-    shown = blur_percent(settings)
-    digits = range(BLUR_DIGITS - 2, EDITED_DIGITS + 1)
-    if any(np.float32(value) == np.float32(round(shown, each)) for each in digits):
-        return
-    settings.blur = value / 100
-
-
-def on_blur(settings: bpy.types.PropertyGroup) -> None:
-    """Set the radius from an edited blur, with the present focus at the present frame.
-
-    The shown number, typed again, changes nothing.
-    """
-    now = _blur_at(settings, _frame(settings)) if has_radius(settings) else None
-    if now is not None and _is_as_shown(settings.blur, now):
-        return
-    settings.follows_blur = False
-    _store_radius(settings, _frame(settings))
-
-
-def on_radius(settings: bpy.types.PropertyGroup) -> None:
-    """Set the wished blur from an edited radius."""
-    settings.follows_blur = False
-    settings.blur = _blur_at(settings, _frame(settings)) or settings.blur
-
-
-def on_focus(settings: bpy.types.PropertyGroup) -> None:
-    """Keep the aperture after the focus was moved by hand, and choose one where there was none.
-
-    While a first distance is dragged, in many edits, the blur is kept and the radius follows; at another
-    frame the edit is a pull, and the lens is unchanged.
-    """
-    frame = _frame(settings)
-    chosen = settings.aperture_radius > 0
-    if not chosen and not settings.marks.points:
-        settings.follows_blur = True
-    elif frame != focus_frame(settings):
-        settings.follows_blur = False
-    if settings.follows_blur or not chosen:
-        _store_radius(settings, frame)
-
-
-def _store_radius(settings: bpy.types.PropertyGroup, frame: int) -> None:
+def shown_blur(settings: bpy.types.PropertyGroup, held: float, _is_set: bool) -> float:
+    """Return the blur that is stored, or that of a stored aperture at the present frame and focus."""
+    if settings.points is None or not has_radius(settings):
+        return held
     try:
         reconstruction = reconstruction_of(settings)
-        at = registered(reconstruction, frame)
-        radius = radius_for_blur(reconstruction, focus_of(settings), at, settings.blur)
+        at = registered(reconstruction, _frame(settings))
+        return stored(settings, "aperture_radius") / _unit_radius(reconstruction, focus_of(settings), at)
     except UserError:
-        # The next focus chooses it; a render before reports the error.
-        radius = 0.0
-    settings.aperture_radius = radius
+        return held
 
 
-_last: tuple[tuple[object, ...], float | None] | None = None
+def blur_of_radius(settings: bpy.types.PropertyGroup) -> float:
+    """Return the blur with which the radius is what it is now; the stored blur where none is."""
+    try:
+        reconstruction = reconstruction_of(settings)
+        unit = _unit_radius(reconstruction, *_place_of_blur(settings, reconstruction))
+        return radius_of(settings, reconstruction) / unit
+    except UserError:
+        return float(settings.blur)
+
+
+def shown_radius(settings: bpy.types.PropertyGroup, held: float, _is_set: bool) -> float:
+    """Return the radius that is stored, or that of a stored blur; 0 where that has no value."""
+    if held > 0 and not is_keyed(settings, "blur"):
+        return held
+    try:
+        return radius_of(settings, reconstruction_of(settings))
+    except UserError:
+        return 0.0
+
+
+_last: tuple[Reconstruction, Focus, int, float] | None = None
 """Panels are drawn often while nothing changes."""
 
 
-def _blur_at(settings: bpy.types.PropertyGroup, frame: int) -> float | None:
-    """The blur of the aperture's radius at a frame, with the present focus; None without one."""
+def _unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
+    """The radius of an aperture with a blur of 1 at a frame; UserError where nothing is to be blurred."""
     global _last
-    if settings.points is None:
-        return None
-    mesh = settings.points.original.data
-    key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus_of(settings), settings.aperture_radius)
-    if _last is None or _last[0] != key:
-        try:
-            reconstruction = reconstruction_of(settings)
-            at = registered(reconstruction, frame)
-            radius = settings.aperture_radius
-            _last = key, blur_for_radius(reconstruction, focus_of(settings), at, radius)
-        except UserError:
-            _last = key, None
-    return _last[1]
-
-
-def _is_as_shown(typed: float, now: float) -> bool:
-    """Return whether a number is the present blur as a field shows it, rounded or to the last digit."""
-    return any(
-        np.float32(typed) == np.float32(each)
-        for each in (now, *(round(now, digits) for digits in range(BLUR_DIGITS, EDITED_DIGITS + 1)))
-    )
+    if _last is None or _last[0] is not reconstruction or _last[1:3] != (focus, frame):
+        _last = reconstruction, focus, frame, radius_for_blur(reconstruction, focus, frame, 1.0)
+    return _last[3]
 
 
 def distance_now(settings: bpy.types.PropertyGroup) -> float:

@@ -1,8 +1,6 @@
-"""Lenses and looks as Blender's presets: the aperture's shape, highlights and how much blur, never the focus.
+"""Lenses and looks as Blender's presets: the aperture's shape and highlights, never the focus.
 
-The f-stop of a preset counts where the scene's scale is given, else its blur as a share of the width. That
-of shipped ones is an infinitely far background's, f^2 / (N (s - f)) of a full frame's 36 mm, with the
-focus at s = 2 m, or 10 m for the mirror lens.
+The f-stop of a preset counts where the aperture was set by its f-stop.
 Shipped ones lie in `presets/virtual_aperture/lens`, a user's own in the folder of Blender's presets.
 """
 
@@ -16,7 +14,7 @@ from bl_ui.utils import PresetPanel
 from ...core.base.errors import UserError
 from ...core.frame.options import APERTURE_OPTIONS
 from ...scene.base.paths import absolute
-from ...scene.lens import aperture_cloud, depth_of_field
+from ...scene.lens import depth_of_field
 from ..base.operators import Result, may_change, polls, reported
 from . import bokeh
 
@@ -29,7 +27,7 @@ THUMBNAIL = 1.6
 
 
 class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
-    """Set the aperture shape, highlights and amount of blur to this preset. Focus stays as it is"""
+    """Set the aperture shape and highlights to this preset, and the f-stop if one is set"""
 
     bl_idname = "virtual_aperture.use_lens_preset"
     bl_label = "Use Lens Preset"
@@ -46,19 +44,17 @@ class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
             raise UserError("no preset has been chosen")
         name = bpy.path.display_name(self.filepath, title_case=False)
         try:
-            with aperture_cloud.held(), depth_of_field.by_given_scale():
+            with depth_of_field.amount_kept(context.scene.virtual_aperture):
                 bpy.utils.execfile(self.filepath)
         except Exception as error:
             # A user may have written it.
             raise UserError(f"the preset {name} cannot be used: {error}") from error
-        finally:
-            aperture_cloud.update(context.scene.virtual_aperture)
         self.report({"INFO"}, f"Lens preset: {name}")
         return {"FINISHED"}
 
 
 class VIRTUAL_APERTURE_OT_add_lens_preset(AddPresetBase, bpy.types.Operator):  # noqa: N801
-    """Save the aperture shape, highlights and amount of blur as a preset, or remove a saved one"""
+    """Save the aperture shape, highlights and f-stop as a preset, or remove a saved one"""
 
     bl_idname = "virtual_aperture.add_lens_preset"
     bl_label = "Add Lens Preset"
@@ -74,7 +70,7 @@ class VIRTUAL_APERTURE_OT_add_lens_preset(AddPresetBase, bpy.types.Operator):  #
             "settings = bpy.context.scene.virtual_aperture",
             *(f"settings.shape.{name} = {getattr(settings.shape, name)!r}" for name in APERTURE_OPTIONS),
             f"settings.shape.image = {image!r}",
-            *(f"settings.{name} = {getattr(settings, name)!r}" for name in ("highlights", "blur", "f_stop")),
+            *(f"settings.{name} = {getattr(settings, name)!r}" for name in ("highlights", "f_stop")),
         ]
         Path(filepath).write_text("\n".join(lines) + "\n", encoding="utf-8")
 

@@ -13,7 +13,7 @@ from ...core.frame.first_person import nearest_subject, scale_by_people
 from ...render.processes.clip_process import ClipProcess
 from ...scene.base import redraw
 from ...scene.focus import focus_marks
-from ...scene.lens import aperture_cloud
+from ...scene.lens import aperture_cloud, depth_of_field
 from ...scene.sources.shot import IDENTITY, Shot, points_mesh, shot_of
 from ..base.work import Work
 
@@ -96,7 +96,8 @@ def _found(shot: Shot) -> Found:
 
 def _put(settings: bpy.types.PropertyGroup, found: Found) -> None:
     place, scale = found
-    settings.guessed_scale = scale or 0.0
+    if scale:
+        depth_of_field.guess_scale(settings, scale)
     if place is not None:
         focus_marks.put_first(settings, place)
         aperture_cloud.update(settings)

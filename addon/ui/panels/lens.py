@@ -3,10 +3,10 @@
 import bpy
 
 from ...core.base.errors import UserError
-from ...scene.lens import depth_of_field, lens, scale
+from ...scene.lens import depth_of_field, scale
 from ..base.operators import sentence
 from ..base.text import wrapped
-from ..focus import bokeh, lens_presets
+from ..focus import bokeh, lens_amount, lens_presets
 from .main import draw_subject
 from .panel import ClosedPanel, split
 
@@ -25,11 +25,13 @@ class VIRTUAL_APERTURE_PT_lens(ClosedPanel, bpy.types.Panel):  # noqa: N801
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = split(self.layout, with_keys=True)
-        column = layout.column()
-        column.active = not lens.is_keyed(settings, "blur")
-        column.prop(settings, "aperture_radius")
+        kind = lens_amount.stored_by(settings)
+        lens_amount.draw_kinds(layout, kind)
         # The percentage in the first panel cannot have keys.
-        layout.prop(settings, "blur", text="Animated Blur")
+        if kind == "BLUR":
+            layout.prop(settings, "blur", text="Animated Blur")
+        else:
+            layout.prop(settings, lens_amount.FIELDS[kind])
         self.layout.operator("virtual_aperture.add_lens_camera", icon="CAMERA_DATA")
 
 

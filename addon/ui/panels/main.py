@@ -7,11 +7,11 @@ import bpy
 from ...core.focus.first_focus import NEAREST
 from ...scene.base import version
 from ...scene.base.timeline import clip_frame
-from ...scene.lens import blender_focus, depth_of_field, lens, scale
+from ...scene.lens import blender_focus, depth_of_field, lens
 from ..base import solving
 from ..base.solving import Solving
 from ..base.text import is_narrow, progress_row, wrapped
-from ..focus import focus_list, lens_presets
+from ..focus import focus_list, lens_amount
 from ..footage import choose_clip, photos, solve
 from ..jobs import depth_ahead, first_person, movie, render_clip
 from ..picking import pick_focus, pick_vertices, set_scale
@@ -109,7 +109,7 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         wrapped(layout, context, "Select vertices on what should be sharp, ideally four", icon="INFO")
         _large(layout).operator(pick_vertices.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
     _draw_marks(layout, context)
-    _draw_amount(layout, settings)
+    _draw_amount(layout, context)
     row = _pair(layout, context)
     # Without icons: in a narrow sidebar they would cut their names off.
     row.operator(render_clip.VIRTUAL_APERTURE_OT_render_frame.bl_idname)
@@ -151,18 +151,11 @@ def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.operator(pick_focus.VIRTUAL_APERTURE_OT_pick_focus.bl_idname, text="", icon="ADD").add = True
 
 
-def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """Draw the amount of blur in per cent of the width, and as an f-stop once the scale is known."""
-    column = split(layout.column(align=True))
-    row = column.row(align=True)
-    row.prop(settings, "blur_percent", text="Blur")
-    lens_presets.VIRTUAL_APERTURE_PT_lens_presets.draw_panel_header(row)
-    is_guess = not settings.metres_per_unit > 0
-    if scale.known_scale(settings) > 0:
-        stop = column.row(align=True)
-        stop.active = not lens.is_keyed(settings, "blur")
-        stop.prop(settings, "f_stop", text="F-Stop (guess)" if is_guess else "F-Stop")
-    if is_guess and depth_of_field.subject_metres(settings) > 0:
+def _draw_amount(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the amount of blur, and the button for the scale while that is not given."""
+    settings = context.scene.virtual_aperture
+    lens_amount.draw(split(layout.column(align=True)), context)
+    if not settings.metres_per_unit > 0 and depth_of_field.subject_metres(settings) > 0:
         layout.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname, icon="DRIVER_DISTANCE")
 
 

@@ -7,5 +7,4 @@ shape = settings.shape
 shape.spherical_aberration = 0.9
 shape.vignetting = 0.3
 settings.highlights = 1.0
-settings.blur = 0.0522
 settings.f_stop = 2.8

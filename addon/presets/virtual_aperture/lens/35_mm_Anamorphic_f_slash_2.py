@@ -7,5 +7,4 @@ shape = settings.shape
 shape.ratio = 2.0
 shape.vignetting = 0.3
 settings.highlights = 1.0
-settings.blur = 0.0087
 settings.f_stop = 2.0

@@ -6,5 +6,4 @@ settings.property_unset("shape")
 shape = settings.shape
 shape.obstruction = 0.45
 settings.highlights = 1.0
-settings.blur = 0.0914
 settings.f_stop = 8.0

@@ -11,5 +11,4 @@ shape.lateral_colour = 0.0008
 shape.matte_box_sides = 0.25
 shape.breathing = 0.25
 settings.highlights = 1.0
-settings.blur = 0.0155
 settings.f_stop = 2.3

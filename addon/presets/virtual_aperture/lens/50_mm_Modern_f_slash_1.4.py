@@ -7,5 +7,4 @@ shape = settings.shape
 shape.vignetting = 0.3
 shape.breathing = 0.15
 settings.highlights = 1.0
-settings.blur = 0.0254
 settings.f_stop = 1.4

@@ -7,5 +7,4 @@ shape = settings.shape
 shape.spherical_aberration = 0.1
 shape.vignetting = 0.4
 settings.highlights = 1.0
-settings.blur = 0.0254
 settings.f_stop = 1.4

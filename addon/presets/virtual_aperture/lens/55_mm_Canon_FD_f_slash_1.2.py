@@ -11,5 +11,4 @@ shape.swirl = 0.1
 shape.coma = 0.15
 shape.breathing = 1.0
 settings.highlights = 1.0
-settings.blur = 0.0360
 settings.f_stop = 1.2

@@ -12,5 +12,4 @@ shape.field_curvature = 0.15
 shape.coma = 0.08
 shape.breathing = 1.0
 settings.highlights = 1.0
-settings.blur = 0.0241
 settings.f_stop = 2.0

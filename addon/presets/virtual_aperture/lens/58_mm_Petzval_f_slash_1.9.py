@@ -12,5 +12,4 @@ shape.field_curvature = 0.3
 shape.coma = 0.1
 shape.breathing = 1.0
 settings.highlights = 1.0
-settings.blur = 0.0253
 settings.f_stop = 1.9

@@ -7,5 +7,4 @@ shape = settings.shape
 shape.spherical_aberration = -0.2
 shape.vignetting = 0.5
 settings.highlights = 1.0
-settings.blur = 0.0873
 settings.f_stop = 1.2

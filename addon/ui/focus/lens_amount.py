@@ -1,0 +1,72 @@
+"""The amount of blur in the panels: the number that is stored, and what results of it as a text."""
+
+import bpy
+
+from ...scene.lens import depth_of_field, lens, scale
+from ..base.operators import Result, has_focus, may_change, polls
+from ..base.text import wrapped
+from . import lens_presets
+
+FIELDS = {"BLUR": "blur_percent", "F_STOP": "f_stop", "RADIUS": "aperture_radius"}
+"""The setting by each of which the amount of blur can be stored."""
+KINDS = (
+    ("BLUR", "Blur", "Store the blur as a share of the picture's width"),
+    ("F_STOP", "F-Stop", "Store the aperture as an f-stop"),
+    ("RADIUS", "Radius", "Store the aperture as its radius in scene units"),
+)
+
+
+class VIRTUAL_APERTURE_OT_set_amount_by(bpy.types.Operator):  # noqa: N801
+    """Choose the number that stays when focus, frame and solve change. The picture stays"""
+
+    bl_idname = "virtual_aperture.set_amount_by"
+    bl_label = "Set Blur By"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    kind: bpy.props.EnumProperty(name="Kind", items=KINDS)
+
+    poll = polls(may_change, has_focus)
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        return next(text for kind, _, text in KINDS if kind == properties.kind)
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings = context.scene.virtual_aperture
+        if self.kind == "BLUR":
+            settings.blur = lens.blur_of_radius(settings)
+        else:
+            setattr(settings, FIELDS[self.kind], getattr(settings, FIELDS[self.kind]))
+        return {"FINISHED"}
+
+
+def stored_by(settings: bpy.types.PropertyGroup) -> str:
+    """Return the one of `KINDS` by which the amount of blur is stored."""
+    if not lens.has_radius(settings):
+        return "BLUR"
+    return "F_STOP" if settings.by_f_stop else "RADIUS"
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the stored number, and what results of it; with a known scale, what else can be stored."""
+    settings = context.scene.virtual_aperture
+    kind, is_guess = stored_by(settings), not settings.metres_per_unit > 0
+    stop = "F-Stop (guess)" if is_guess else "F-Stop"
+    if scale.known_scale(settings) > 0 or kind != "BLUR":
+        draw_kinds(layout, kind)
+    row = layout.row(align=True)
+    row.prop(settings, FIELDS[kind], text=stop if kind == "F_STOP" else None)
+    lens_presets.VIRTUAL_APERTURE_PT_lens_presets.draw_panel_header(row)
+    results = [] if kind == "BLUR" else [f"background blur {settings.blur_percent:.3g} % here"]
+    if kind != "F_STOP" and scale.known_scale(settings) > 0:
+        results.append(f"f/{depth_of_field.f_stop(settings):.2g}" + " (guess)" * is_guess)
+    if results:
+        wrapped(layout, context, f"Gives {', '.join(results)}")
+
+
+def draw_kinds(layout: bpy.types.UILayout, kind: str) -> None:
+    """Draw a button for each number that can be stored."""
+    row = layout.row(align=True)
+    for each, label, _ in KINDS:
+        button = row.operator(VIRTUAL_APERTURE_OT_set_amount_by.bl_idname, text=label, depress=each == kind)
+        button.kind = each
