@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ..core.base.counting import ranges
 from ..core.base.errors import UserError
 from ..core.base.streams import say
 from ..core.camera.reconstruction import Reconstruction
@@ -68,6 +69,18 @@ def wanted_frames(footage: Footage, frames: FrameRange | None) -> tuple[int, ...
     if not wanted:
         raise UserError(f"the solve has no frames {frames}; it has {describe(footage.frames)}")
     return wanted
+
+
+def lacking(footage: Footage, frames: FrameRange | None) -> list[str]:
+    """Return what `--frames` asks for and the clip has not, as ranges."""
+    if frames is None or not frames.of(footage.frames):
+        return []
+    clip = footage.whole().frames
+    first, last = max(frames.first, clip[0]), min(frames.last, clip[-1])
+    gaps = sorted(set(frames.of(range(first, last + 1))) - set(clip))
+    before = [f"{frames.first}-{clip[0] - 1}"] if frames.first < clip[0] else []
+    after = [f"{clip[-1] + 1}-{frames.last}"] if frames.last > clip[-1] else []
+    return [*before, *([ranges(gaps)] if gaps else []), *after]
 
 
 def movie_frames(footage: Footage, frames: FrameRange | None) -> list[int]:

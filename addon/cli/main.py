@@ -18,7 +18,7 @@ from ..core.base.errors import UserError, Words
 from ..core.base.job import Job, end_all
 from ..core.base.messages import Failure, Progress, Result, Warned, send
 from ..core.base.streams import say, say_to
-from ..core.media.clip import Footage, FrameRange
+from ..core.media.clip import Footage, FrameRange, describe
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import engine
@@ -37,7 +37,7 @@ from ..scene.sources.shot import shot_of
 from . import depth, export, farm, inspect, pick, save, solve
 from .blend import is_blend, open_blend
 from .engine_jobs import read_job
-from .lens import all_frames, movie_frames, say_lens, scene_of, set_lens, wanted_frames
+from .lens import all_frames, lacking, movie_frames, say_lens, scene_of, set_lens, wanted_frames
 from .lens_options import add_lens, add_work, check_lens, check_numbers
 from .options import Parser, UsageError, path
 from .processes import add_jobs, sharing
@@ -194,6 +194,8 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
             options.grain = 0.0
         # A share of a farm's job focuses as the whole does.
         set_lens(settings, solved, options, () if options.for_movie else frames)
+    if absent := ([] if options.for_movie else lacking(footage, options.frames)):
+        say(f"note: the clip has {describe(footage.frames)}; not rendered: {', '.join(absent)}")
     reconstruction = shot_of(scene).reconstruction
     say_lens(settings, reconstruction, frames)
     planned = output.plan_all(scene, frames)
@@ -221,8 +223,8 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
         send(Warned(text))
     if summary := run_report.summary(frames):
         say(summary)
-    if lacking := run_report.lacks(frames):
-        say(f"no report for existing frames: {ranges(lacking)}")
+    if unknown := run_report.lacks(frames):
+        say(f"no report for existing frames: {ranges(unknown)}")
     say(f"wrote {options.out}")
 
 

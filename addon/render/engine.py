@@ -22,7 +22,7 @@ from ..core.frame.warped_frame import WarpedFrame
 from ..scene import passes
 from ..scene.base.remedy_words import WORDS
 from ..scene.base.timeline import clip_frame, scene_time
-from ..scene.ignored import warn_of_ignored
+from ..scene.ignored import stand_in, warn_of_ignored
 from ..scene.lens.lens import frame_options
 from ..scene.sources.hdr_view import WAYS_OUT, lost
 from ..scene.sources.shot import Shot, shot_of
@@ -136,6 +136,10 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
                 checkpoint()
                 warn_of_ignored(self, depsgraph.scene)
                 number, size = scene.frame_current, render_size(scene.render)
+                if replaced := stand_in(scene, shot_of(scene)):
+                    frame_notes.add(scene, number, replaced)
+                    # An animation has warned of its range.
+                    self.report({"INFO" if self.is_animation else "WARNING"}, f"Frame {number} {replaced}")
                 with self._at_whole_frame(depsgraph):
                     scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
                     with self._first_look(scene, size, layer.name):

@@ -19,7 +19,7 @@ OFFSET = "virtual_aperture_offset"
 
 
 def edits(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Return the names of what was changed of the clip's camera, as Blender names it; none without a solve."""
+    """Return the names of what was changed of the clip's camera, as Blender names it; none unsolved."""
     settings = scene.virtual_aperture
     camera = settings.camera
     if not parts.is_in(scene, camera) or camera.type != "CAMERA":

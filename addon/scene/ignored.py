@@ -5,8 +5,10 @@ from collections.abc import Iterator
 
 import bpy
 
-from .base.timeline import clip_frame, scene_time
+from ..core.media.clip import describe
+from .base.timeline import ROUNDING, clip_frame, scene_time
 from .edited_camera import edits
+from .sources.shot import Shot
 
 OURS = ("use_pass_combined", "use_pass_z", "use_pass_cryptomatte_accurate")
 """Switches of view layers that ask for no pass that we lack; the second one is how Cryptomatte counts."""
@@ -46,6 +48,22 @@ def _frames(scene: bpy.types.Scene) -> Iterator[str]:
     if clip_frame(scene, scene.frame_end) > last:
         after = math.ceil(_time(scene, last + 1))
         yield _outside(after, scene.frame_end, "after", last)
+
+
+def stand_in(scene: bpy.types.Scene, shot: Shot) -> str:
+    """Return why the frame shows another frame or camera of the clip; empty where it shows its own."""
+    frames, render = shot.footage.frames, scene.render
+    asked, exact = clip_frame(scene), scene.frame_current_final
+    shown = shot.frame_at(asked)
+    if not frames[0] <= asked <= frames[-1]:
+        where = "before" if asked < frames[0] else "after"
+        return f"comes {where} the clip, which has {describe(frames)}, and repeats its frame {shown}"
+    if shown != asked:
+        return f"is missing in the clip, and repeats its frame {shown}"
+    if shown not in shot.reconstruction.frames:
+        return "was not solved; its camera is that of its neighbours"
+    is_between = abs(exact - asked) > ROUNDING and render.frame_map_old == render.frame_map_new
+    return f"is asked for at {exact:.2f}; there are no pictures between frames" if is_between else ""
 
 
 def _outside(start: int, end: int, where: str, shown: int) -> str:

@@ -7,14 +7,17 @@ from pathlib import Path
 import bpy
 import pytest
 
+from addon.cli.lens import lacking
 from addon.core.camera.reconstruction import Intrinsics
+from addon.core.media.clip import FrameRange, open_footage
+from addon.render.views import frame_notes
 from addon.scene.build import build
 from addon.scene.cg_objects import cg_objects
 from addon.scene.ignored import ignored
 from addon.ui.panels import notices
 
 from ..recorder import draw
-from ..scenes import slanted_shot
+from ..scenes import slanted_plane, slanted_shot, write_frames
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 LINE = "These passes are not rendered: Mist"
@@ -100,3 +103,51 @@ def test_a_render_warns_once(
 def test_the_panel_tells_it(solved: bpy.types.Scene) -> None:
     solved.view_layers[0].use_pass_mist = True
     assert LINE in " ".join(draw(notices.VIRTUAL_APERTURE_PT_details).texts)
+
+
+@pytest.mark.parametrize(
+    ("frame", "subframe", "said"),
+    [
+        (1, 0.0, "Frame 1 comes before the clip, which has frames 5 to 11"),
+        (4, 0.9, "Frame 4 comes before the clip, which has frames 5 to 11"),
+        (12, 0.0, "Frame 12 comes after the clip, which has frames 5 to 11"),
+        (250, 0.0, "Frame 250 comes after the clip"),
+        (8, 0.0, "Frame 8 is missing in the clip, and repeats its frame 7"),
+        (9, 0.0, "Frame 9 was not solved; its camera is that of its neighbours"),
+        (6, 0.5, "Frame 6 is asked for at 6.50; there are no pictures between frames"),
+        (5, 0.0, ""),
+        (11, 0.0, ""),
+    ],
+)
+def test_a_frame_that_the_clip_has_not_is_named(
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    frame: int,
+    subframe: float,
+    said: str,
+) -> None:
+    solved, numbers = slanted_plane(LENS, (5, 6, 7, 10, 11)), (5, 6, 7, 9, 10, 11)
+    settings = build(scene, open_footage(write_frames(tmp_path / "clip", LENS, numbers)), solved)
+    settings.focus_distance, settings.views, settings.method = 8.0, 4, "features"
+    scene.frame_set(frame, subframe=subframe)
+    capfd.readouterr()
+    bpy.ops.render.render()
+    out = "".join(capfd.readouterr())
+    words = ("before the clip", "after the clip", "is missing", "was not solved", "is asked for")
+    assert said in out if said else not any(each in out for each in words)
+    noted = [f"Frame {frame} {each.text}" for each in frame_notes.of(scene)]
+    assert any(said in each for each in noted) if said else not noted
+
+
+def test_frames_of_the_command_line_that_the_clip_has_not(tmp_path: Path) -> None:
+    clip = open_footage(write_frames(tmp_path / "clip", LENS, (5, 6, 7, 9, 10, 11)))
+
+    def absent(text: str) -> list[str]:
+        return lacking(clip, FrameRange.parse(text))
+
+    assert absent("5-7") == absent("9-11") == absent("5-11:2") == lacking(clip, None) == []
+    assert absent("1-6") == ["1-4"] and absent("10-50") == ["12-50"] and absent("7-9") == ["8"]
+    assert absent("0-999999999") == ["0-4", "8", "12-999999999"]
+    # None at all is refused elsewhere.
+    assert absent("50-60") == []
