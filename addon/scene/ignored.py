@@ -51,7 +51,7 @@ def _frames(scene: bpy.types.Scene) -> Iterator[str]:
 
 
 def stand_in(scene: bpy.types.Scene, shot: Shot) -> str:
-    """Return why the frame shows another frame or camera of the clip; empty where it shows its own."""
+    """Return why the frame shows another frame of the clip; empty where it shows its own."""
     frames, render = shot.footage.frames, scene.render
     asked, exact = clip_frame(scene), scene.frame_current_final
     shown = shot.frame_at(asked)
@@ -60,8 +60,6 @@ def stand_in(scene: bpy.types.Scene, shot: Shot) -> str:
         return f"comes {where} the clip, which has {describe(frames)}, and repeats its frame {shown}"
     if shown != asked:
         return f"is missing in the clip, and repeats its frame {shown}"
-    if shown not in shot.reconstruction.frames:
-        return "was not solved; its camera is that of its neighbours"
     is_between = abs(exact - asked) > ROUNDING and render.frame_map_old == render.frame_map_new
     return f"is asked for at {exact:.2f}; there are no pictures between frames" if is_between else ""
 
