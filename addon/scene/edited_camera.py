@@ -28,36 +28,19 @@ def edits(scene: bpy.types.Scene) -> tuple[str, ...]:
         reconstruction = reconstruction_of(settings)
     except UserError:
         return ()
-    first = reconstruction.intrinsics(reconstruction.images[0])
-    found = [
-        *_pose(camera, settings.root, reconstruction),
-        *_view(camera.data, reconstruction),
-        *_changed(scene.render, pixel_aspect(reconstruction.cameras[0])),
-        *_changed(camera.data, {path: view_of(first)[path] for path in VIEW if path not in INTRINSICS}),
-        *_background(settings),
-    ]
-    return tuple(dict.fromkeys(found))
-
-
-def _pose(
-    camera: bpy.types.Object, root: bpy.types.Object | None, reconstruction: Reconstruction
-) -> Iterator[str]:
-    """What moves the camera off its path."""
-    places = np.array([image.centre for image in reconstruction.images])
-    keyed = dict(zip(POSE, (places, rotations_of(reconstruction)), strict=True))
-    yield from _animated(camera, keyed, reconstruction)
-    yield from _changed(camera, UNMOVED)
-    if camera.parent != root:
-        yield "Parent"
-    if any(not each.mute and each.influence > 0 for each in camera.constraints):
-        yield "Constraints"
-
-
-def _view(data: bpy.types.Camera, reconstruction: Reconstruction) -> Iterator[str]:
-    """What changes the focal length and the principal point."""
     views = [view_of(reconstruction.intrinsics(image)) for image in reconstruction.images]
-    keyed = {path: np.array([[view[path]] for view in views]) for path in INTRINSICS}
-    yield from _animated(data, keyed, reconstruction)
+    places = np.array([image.centre for image in reconstruction.images])
+    pose = dict(zip(POSE, (places, rotations_of(reconstruction)), strict=True))
+    lens = {path: np.array([[view[path]] for view in views]) for path in INTRINSICS}
+    fixed = {path: views[0][path] for path in VIEW if path not in INTRINSICS}
+    found = [
+        *_animated(camera, pose, reconstruction), *_changed(camera, UNMOVED),
+        *["Parent"] * (camera.parent != settings.root),
+        *["Constraints"] * any(not each.mute and each.influence > 0 for each in camera.constraints),
+        *_animated(camera.data, lens, reconstruction), *_changed(camera.data, fixed),
+        *_changed(scene.render, pixel_aspect(reconstruction.cameras[0])), *_background(settings),
+    ]  # fmt: skip
+    return tuple(dict.fromkeys(found))
 
 
 def _animated(
@@ -86,7 +69,7 @@ def _animated(
 
 
 def _values(curve: bpy.types.FCurve, frames: Floats) -> Floats:
-    """The values (k,) of a curve at frames; NaN of one that is muted."""
+    """The values (k,) of a curve at frames; infinite if it is muted."""
     if curve.mute or (curve.group is not None and curve.group.mute):
         return np.full(len(frames), np.inf)
     keys = np.zeros((len(curve.keyframe_points), 2), np.float32)

@@ -149,7 +149,7 @@ def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> No
     assert props == {"blur_percent"} and "virtual_aperture.set_scale" in operators
     assert "In focus: " in texts
     props, operators, _ = drawn(closed=True)
-    assert {"focus_object", "(focus_distance)", "aperture_radius", "frame_start", "quality"} <= props
+    assert {"focus_object", "(focus_distance)", "blur", "frame_start", "quality"} <= props
     assert {"virtual_aperture.hold_focus", "virtual_aperture.remove_focus_mark"} <= operators
     settings.focus_distance = 7.0
     assert "focus_distance" in drawn(closed=True)[0]
