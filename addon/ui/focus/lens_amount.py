@@ -55,7 +55,8 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if scale.known_scale(settings) > 0 or kind != "BLUR":
         draw_kinds(layout, kind)
     row = layout.row(align=True)
-    row.prop(settings, FIELDS[kind], text=stop if kind == "F_STOP" else None)
+    # Whole names are cut off in a sidebar of the default width.
+    row.prop(settings, FIELDS[kind], text=stop if kind == "F_STOP" else kind.title())
     lens_presets.VIRTUAL_APERTURE_PT_lens_presets.draw_panel_header(row)
     results = [] if kind == "BLUR" else [f"background blur {settings.blur_percent:.3g} % here"]
     if kind != "F_STOP" and scale.known_scale(settings) > 0:
