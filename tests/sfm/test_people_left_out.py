@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -101,6 +102,28 @@ def test_tracks_on_a_person_are_left_out_and_progress_is_told(tmp_path: Path) ->
     assert all(0 <= done <= total == 6 for _, done, total in steps)
 
 
+@pytest.mark.parametrize(("step", "pan", "alive"), [(0.0, 0.0, False), (0.0, 3.0, False), (1.0, 3.0, True)])
+def test_a_figure_that_moves_as_one_with_the_scene_is_no_person(
+    tmp_path: Path, step: float, pan: float, alive: bool
+) -> None:
+    """A mannequin before a camera that stands or pans; someone who moves by a pixel a frame."""
+    if not Networks().exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+    clip = open_footage(planes.write_clip(tmp_path / "person", [figure()[..., ::-1]] * 6))
+    rng = np.random.default_rng(3)
+    own, rest = rng.uniform((145, 80), (175, 130), (12, 2)), rng.uniform((5, 5), (90, 235), (40, 2))
+    xy = [
+        np.concatenate([np.add(own, ((pan + step) * frame / 6, 0)), np.add(rest, (pan * frame / 6, 0))])
+        for frame in range(6)
+    ]
+    given = Tracks(
+        clip.frames, 320, 240, np.repeat(np.arange(6), 52).astype(np.int32),
+        np.tile(np.arange(52), 6).astype(np.int32), np.concatenate(xy) + rng.normal(0, 0.02, (312, 2)),
+        np.zeros((52, 3), np.uint8),
+    )  # fmt: skip
+    assert (without_people(given, clip, lambda *_: None) is not None) == alive
+
+
 def followed() -> list[np.ndarray]:
     """A camera that walks past planes beside someone who stays in place in its picture, and fills it."""
     pictures, texture = planes.sideways(FRAMES), planes.pattern(320, 240 - TOP, 9)
@@ -110,21 +133,22 @@ def followed() -> list[np.ndarray]:
     return pictures
 
 
-GIVEN = f"""
+IN_PLACE = f"mask[{TOP}:] = True"
+GIVEN = """
 import sys
 import numpy as np
 from addon.core.sfm import worker
 from addon.core.sfm.tracking.people_left_out import outside
 
 mask = np.zeros((240, 320), bool)
-mask[{TOP}:] = True
+{}
 worker.without_people = lambda tracks, footage, progress: outside(tracks, lambda frame: mask)
 sys.exit(worker.main(sys.argv[1]))
 """
 
 
-def solved_with_mask(clip: Path, frames: int, folder: Path) -> list[Message]:
-    """What the worker says of a clip in which people are where `GIVEN` puts them."""
+def solved_with_mask(clip: Path, frames: int, folder: Path, people: str = IN_PLACE) -> list[Message]:
+    """What the worker says of a clip in which people are where code puts them in a mask."""
     folder.mkdir()
     job = {
         "footage": str(clip), "frames": list(range(1, frames + 1)), "video": None, "stills": False,
@@ -132,7 +156,7 @@ def solved_with_mask(clip: Path, frames: int, folder: Path) -> list[Message]:
         "lens": {"focal": None, "zooms": False},
     }  # fmt: skip
     (folder / "job.json").write_text(json.dumps(job))
-    command = [sys.executable, "-c", GIVEN, str(folder / "job.json")]
+    command = [sys.executable, "-c", GIVEN.format(people), str(folder / "job.json")]
     # It ends itself where its standard input does.
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
         assert worker.stdout is not None
@@ -176,6 +200,23 @@ def test_a_still_camera_is_solved_for_the_people_before_it(tmp_path: Path) -> No
     told = report(found, tuple(range(1, 7)), said)
     assert told.advice.startswith("the background's distance is a guess")
     assert told.remedies == (Remedy.DEPTH_MAPS,)
+
+
+@pytest.mark.long
+def test_warped_pictures_with_little_parallax_are_solved_for_their_people(tmp_path: Path) -> None:
+    """No camera explains them; people have distances without parallax, too."""
+    rng, corners = np.random.default_rng(5), np.array([[0, 0], [320, 0], [320, 240], [0, 240]], np.float32)
+    pictures = []
+    for step, picture in enumerate(planes.clip(np.linspace([-0.1, 0, 0], [0.1, 0, 0], FRAMES))):
+        bent = corners + rng.uniform(-3, 3, (4, 2)).astype(np.float32)
+        warp = cv2.getPerspectiveTransform(corners, bent)
+        moved = cv2.warpPerspective(picture, warp, (320, 240), borderMode=cv2.BORDER_REFLECT)
+        moved[TOP:, 140:] = np.roll(planes.pattern(180, 240 - TOP, 9), 3 * step, 0)[..., None]
+        pictures.append(moved)
+    clip = planes.write_clip(tmp_path / "warped", pictures)
+    assert isinstance(solved_with_mask(clip, FRAMES, tmp_path / "solve", "mask[:, 130:] = True")[-1], Result)
+    said = json.loads((tmp_path / "solve" / "report.json").read_text())
+    assert said["method"] == STAYS and said["depth_estimated"] and said["registered"] == FRAMES
 
 
 @pytest.mark.long

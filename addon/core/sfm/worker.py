@@ -32,7 +32,7 @@ from .mapping import known_poses
 from .mapping.known_cameras import read_cameras
 from .mapping.report import STAYS
 from .mapping.visibility import visible_points
-from .tracking.degeneracy import StaysError, refuse_cuts
+from .tracking.degeneracy import StaysError, check_motion, refuse_cuts
 from .tracking.people_left_out import outside, without_people
 from .tracking.photo_matching import Photo, find_features, match_all
 from .tracking.tracker_pictures import Watch
@@ -251,8 +251,15 @@ def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, may_stay: boo
     metadata_focal = None if prior.focal or prior.zooms else _metadata_focal(footage)
     if metadata_focal:
         prior = incremental_mapping.FocalPrior(metadata_focal, METADATA_SIGMA)
-    mapped = incremental_mapping.reconstruct(tracks, prior, _progress, may_stay)
-    if may_stay and not job["may_stay"] and mapped.weak_depth is not None:
+    has_subjects = may_stay and not job["may_stay"]
+    mapped = None
+    try:
+        mapped = incremental_mapping.reconstruct(tracks, prior, _progress, may_stay)
+    except UserError:
+        # A steadied or bent picture may be explained by no camera, and yet show hardly any depth.
+        if not has_subjects or check_motion(tracks) >= incremental_mapping.DOUBTFUL_PARALLAX:
+            raise
+    if mapped is None or (has_subjects and mapped.weak_depth is not None):
         mapped = incremental_mapping.staying(tracks, prior, _progress)
     result = mapped.reconstruction
     said = {

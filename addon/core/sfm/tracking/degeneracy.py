@@ -43,15 +43,15 @@ def check_motion(tracks: Tracks) -> float:
         UserError: The clip has too few features, the camera stands still, or the picture only slides. Cameras
             that only turn are refused later, by `only_turns`.
     """
-    pairs = _shared(tracks, 8)
-    if not pairs:
+    shared = _shared(tracks, 8)
+    if not shared:
         raise UserError(
             f"fewer than {MIN_SHARED} features can be followed through the clip; it has too little"
             " texture or is blurred: choose another range of frames",
             Remedy.FRAMES,
         )
     unit = 1000 / max(tracks.width, tracks.height)
-    motion = max(float(np.median(np.linalg.norm(b - a, axis=1))) for a, b in pairs) * unit
+    motion = max(float(np.median(np.linalg.norm(b - a, axis=1))) for a, b in shared) * unit
     if motion < MIN_MOTION:
         raise StaysError(
             "the camera does not move in this clip; depth needs a camera that moves sideways a little, or"
@@ -65,7 +65,7 @@ def check_motion(tracks: Tracks) -> float:
             " it with depth maps",
             Remedy.DEPTH_MAPS,
         )
-    residuals = [min(rotation_residual(a, b, tracks, focal) for focal in FOCALS) for a, b in pairs]
+    residuals = [min(rotation_residual(a, b, tracks, focal) for focal in FOCALS) for a, b in shared]
     return max(residuals) * unit
 
 
@@ -142,13 +142,13 @@ def _only_slides(tracks: Tracks) -> bool:
 
 
 def _shared(tracks: Tracks, parts: int) -> list[tuple[Floats, Floats]]:
-    """Places (n, 2) and (n, 2) of the tracks shared by `_pairs`, of those that share enough."""
-    pairs = (tracks.shared(i, j) for i, j in _pairs(tracks, parts))
-    return [pair for pair in pairs if len(pair[0]) >= MIN_SHARED]
+    """Places (n, 2) and (n, 2) of the tracks shared by `pairs`, of those that share enough."""
+    both = (tracks.shared(i, j) for i, j in pairs(tracks, parts))
+    return [pair for pair in both if len(pair[0]) >= MIN_SHARED]
 
 
-def _pairs(tracks: Tracks, parts: int) -> list[tuple[int, int]]:
-    """Indices of pairs of frames: the ends of the clip, of its halves, quarters, ... up to so many parts."""
+def pairs(tracks: Tracks, parts: int) -> list[tuple[int, int]]:
+    """Return indices of the ends of a clip, of its halves, quarters, ... up to so many parts."""
     last = len(tracks.frames) - 1
     powers = range(parts.bit_length())
     cuts = [np.linspace(0, last, 2**power + 1).round().astype(int) for power in powers]

@@ -7,9 +7,11 @@ import numpy as np
 
 from ...base.arrays import Mask
 from ...media.clip import Footage
+from ...subjects.faces import face_of
 from ...subjects.networks import Networks
 from ...subjects.people import SEEN_IN, bodies, people, sampled
-from ...subjects.pictures import small
+from ...subjects.pictures import displayed, small
+from .degeneracy import pairs
 from .tracks import Progress, Tracks
 
 MARGIN = 0.01
@@ -19,6 +21,14 @@ INSIDE = 0.5
 LOOKS = 24
 """Frames in which people are looked for; tracks are compared with the nearest of them. People carried through
 all frames cost four to ten times as much on clips of 40 to 170 frames, for nearly the same tracks."""
+
+PARTS = 8
+"""Parts of a clip between whose ends people's motion is looked for, besides larger ones."""
+LEAST = 8
+"""Tracks that two frames must share on people and beside them to be compared."""
+ALIVE, WITH_FACE = 1.0, 0.5
+"""Motion of a tenth of the tracks on people against all that is still, in pixels of a 1,000-pixel frame, from
+which on these are alive, and the same where a face is seen."""
 
 
 def without_people(
@@ -34,7 +44,8 @@ def without_people(
 
     Returns:
         Tracks with the same numbers, without the observations of the tracks on people; None where the
-            networks are missing, or find no people.
+            networks are missing, or find no people, or only figures that move as one with the scene: a
+            mannequin, or a picture that is repeated.
 
     Raises:
         UserError: A frame cannot be read.
@@ -43,16 +54,47 @@ def without_people(
     if not networks.exist:
         return None
     asked, masks, showing = sampled(footage.frames), dict[int, Mask](), 0
-    looks = sorted({*sampled(footage.frames, LOOKS), *asked})
+    looks, has_face = sorted({*sampled(footage.frames, LOOKS), *asked}), False
     for done, frame in enumerate(looks):
         progress("Looking for people", done, len(looks))
-        picture = small(footage.read(frame))
-        showing += frame in asked and bool(people(networks, picture))
+        stored = footage.read(frame)
+        picture = small(stored)
+        found = people(networks, picture) if frame in asked else []
+        showing += bool(found)
+        has_face = has_face or any(
+            face_of(networks, displayed(stored), each.mask) is not None for each in found
+        )
         shares = bodies(networks, picture)
         masks[frame] = np.max([np.zeros(picture.shape[:2]), *shares], axis=0) > 0.5
     if showing < min(SEEN_IN, len(asked)):
         return None
-    return outside(tracks, lambda frame: masks[min(masks, key=lambda each: abs(each - frame))])
+    left = outside(tracks, lambda frame: masks[min(masks, key=lambda each: abs(each - frame))])
+    return left if own_motion(tracks, left) >= (WITH_FACE if has_face else ALIVE) else None
+
+
+def own_motion(tracks: Tracks, rest: Tracks) -> float:
+    """Return how far people move against what is still, in pixels of a 1,000-pixel frame.
+
+    A homography explains what is still before a camera that stays in its place. The result is the largest
+    90th percentile over pairs of frames, infinite if none can be compared.
+
+    Args:
+        tracks: Those of a clip.
+        rest: Those of them that are not on people.
+    """
+    own = tracks.only(~np.isin(tracks.track, rest.track))
+    moved = list[float]()
+    for i, j in pairs(tracks, PARTS):
+        a, b = rest.shared(i, j)
+        on_a, on_b = own.shared(i, j)
+        if min(len(a), len(on_a)) < LEAST:
+            continue
+        cv2.setRNGSeed(0)
+        still, _ = cv2.findHomography(a, b, cv2.RANSAC, 3.0)
+        if still is not None:
+            off = np.linalg.norm(cv2.perspectiveTransform(on_a[None], still)[0] - on_b, axis=1)
+            moved.append(float(np.percentile(off, 90)))
+    return max(moved, default=np.inf) * 1000 / max(tracks.width, tracks.height)
 
 
 def outside(tracks: Tracks, mask: Callable[[int], Mask]) -> Tracks:
