@@ -51,6 +51,9 @@ DOMINANT = 0.75
 lie behind it: depth is wrong beneath the feet of a man walking away, which frames around hide."""
 BORDER = 3
 """Pixels from the picture's lower border within which an object may go on beyond."""
+HIDDEN, NEARER = 0.9, 1.25
+"""Quantile of inverse depths of what an object hides, as single ones are errors, and the ratio by which it is
+nearer, assumed: at least a person cut off at the knees is, where the ground at the border is the nearest."""
 
 
 @dataclass(frozen=True)
@@ -218,6 +221,21 @@ def contact(mask: Mask, ground: Plane, pinhole: Intrinsics) -> Contact | None:
         return Contact(places[nearest], column, 0.0)
     slope = (along[last] - along[first]) / (across[last] - across[first])
     return Contact(places[nearest], column, float(slope))
+
+
+def beside(mask: Mask, inverse: Map, known: Mask) -> float:
+    """Return the inverse depth beside an object (h, w) at the picture's lower border; 0 if it ends above.
+
+    It is that of the farther side: on the other one something may stand before the object. Arguments as of
+    `ground_below`.
+    """
+    columns = np.flatnonzero(mask[-BORDER:].any(axis=0))
+    if not len(columns):
+        return 0.0
+    first, end = columns[0], columns[-1] + 1
+    sides = slice(max(2 * first - end, 0), first), slice(end, 2 * end - first)
+    seen = [inverse[-BORDER:, side][known[-BORDER:, side]] for side in sides]
+    return min((float(np.median(each)) for each in seen if len(each)), default=0.0)
 
 
 def upright(base: float, column: float, slope: float, ground: Plane, rays: Floats) -> Floats:

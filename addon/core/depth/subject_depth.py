@@ -9,7 +9,7 @@ import numpy as np
 from ..base.arrays import Bytes, Floats, Ints, Map, Mask, pixel_centres
 from ..camera.intrinsics import Intrinsics
 from .completion import LEAST_WEIGHT, interpolate
-from .ground_contact import GAP, contact, ground_below, upright
+from .ground_contact import GAP, NEARER, beside, contact, ground_below, upright
 from .multi_view_stereo import DenseDepth
 
 PLACED, HOVERING = 0.25, 0.15
@@ -40,7 +40,8 @@ def with_subjects(
     """Give each moving pixel of a frame the depth of its subject.
 
     A subject that touches the ground in the picture is an upright plane there, scaled to its inverse depth if
-    that is known. A subject without contact has its known inverse depth, or else the one of its surroundings.
+    that is known. A subject without contact has its known inverse depth, or else the one of its surroundings;
+    if the lower border cuts it off, it is nearer than these.
     Each connected part of the other moving pixels is a subject.
 
     Args:
@@ -62,7 +63,8 @@ def with_subjects(
     for mask, known in _separated(static.moving, subjects):
         standing = _standing(mask, static.inverse_depth, apart, static.pinhole)
         is_placed = known is not None or standing is not None
-        middle = float(np.median(around[mask])) if known is None else known
+        hidden = max(float(np.median(around[mask])), NEARER * beside(mask, around, apart))
+        middle = hidden if known is None else known
         if standing is None:
             inverse[mask] = middle
         else:

@@ -24,7 +24,8 @@ from ..subjects.clip_subjects import ClipSubject, ClipSubjects, united
 from ..subjects.distance import SubjectDistance
 from ..subjects.masked_objects import MaskedObjects
 from ..subjects.matte import matte
-from ..subjects.people import sampled
+from ..subjects.networks import Build
+from ..subjects.people import build_of, sampled
 from ..subjects.pictures import displayed
 from ..subjects.standing import Standing
 from ..subjects.static_depth import StaticDepth
@@ -114,10 +115,17 @@ class MovingParts:
     def _distance_of(
         self, mask: Callable[[int], Mask], store: Store = NOT_KEPT, name: str = ""
     ) -> SubjectDistance:
-        ground = self if self.reconstruction.stays else Standing(self.static, self._known)
+        pictures = self.subjects.pictures
+        if self.reconstruction.stays:
+            return SubjectDistance(pictures, mask, partial(self.inverse_depths, mask), store=store, name=name)
+        ground = Standing(self.static, self._known, self._build)
         return SubjectDistance(
-            self.subjects.pictures, mask, partial(ground.inverse_depths, mask), store, name
+            pictures, mask, partial(ground.inverse_depths, mask), partial(ground.bounds, mask), store, name
         )
+
+    def _build(self, frame: int, mask: Mask) -> Build | None:
+        """The build of a person in a frame."""
+        return build_of(self.subjects.networks, self.subjects.pictures.picture(frame), mask)
 
     @cached_property
     def _masked(self) -> list[Subject]:

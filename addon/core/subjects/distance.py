@@ -11,9 +11,11 @@ import numpy as np
 from ..base.arrays import Floats, Mask
 from ..base.progress import checkpoint
 from ..base.store import NOT_KEPT, Store, numbers
+from ..depth.ground_contact import HIDDEN
 from .cut import LEAST
 from .flow import change_of_size
 from .pictures import ClipPictures
+from .standing import Bounds
 
 CONTACTS = 12
 """Frames of a clip in which the place where a subject stands is looked for."""
@@ -36,6 +38,8 @@ class SubjectDistance:
     """The subject (h, w) in a frame, at the size of the pictures."""
     standing: Callable[[Sequence[int]], Mapping[int, float]]
     """Its inverse depth in 1 / scene units by its contact with the ground, for those frames that show it."""
+    bounds: Callable[[Sequence[int]], Bounds] = lambda frames: Bounds({}, {})
+    """The same of a subject that no frame shows to stand anywhere."""
     store: Store = NOT_KEPT
     """Storage of its sizes."""
     name: str = ""
@@ -80,8 +84,15 @@ class SubjectDistance:
         chosen = np.linspace(0, len(shown) - 1, min(CONTACTS, len(shown)))
         looked_at = sorted({shown[round(each)] for each in chosen})
         found = self.standing([frames[at] for at in looked_at])
-        factors = [found[frames[at]] / self._sizes[at] for at in looked_at if frames[at] in found]
-        return float(np.median(factors)) if factors else None
+
+        def factors(inverse: Mapping[int, float]) -> list[float]:
+            return [inverse[frames[at]] / self._sizes[at] for at in looked_at if frames[at] in inverse]
+
+        if found:
+            return float(np.median(factors(found)))
+        bounds = self.bounds([frames[at] for at in looked_at])
+        both = (bounds.by_build, 0.5), (bounds.hidden, HIDDEN)
+        return max((float(np.quantile(factors(each), share)) for each, share in both if each), default=None)
 
 
 def _height(mask: Mask) -> float:

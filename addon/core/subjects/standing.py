@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..base.arrays import Map, Mask
+from ..base.arrays import Floats, Map, Mask
 from ..base.progress import checkpoint
-from ..depth.ground_contact import Plane, contact, ground_below, upright
+from ..depth.ground_contact import HIDDEN, NEARER, Plane, beside, contact, ground_below, upright
 from ..depth.view_selection import relative_pose
+from .networks import Build
 from .static_depth import StaticDepth
 
 GROWN = 7
@@ -36,6 +37,22 @@ interquartile range of those heights, so that the contact counts instead of the 
 behind a man all, with 0.4: there the points are right."""
 
 
+SHOULDERS = 1.39
+"""Height of the shoulders of a standing adult of 1.7 m, in metres, 0.818 of the stature (Winter 2009)."""
+EYES = (0.3, 2.5)
+"""Heights of cameras above the ground, in metres, with which a person is taken to stand there."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Inverse depths of a subject without contact, in 1 / scene units by frame."""
+
+    hidden: Mapping[int, float]
+    """Least ones: it is nearer than what it hides."""
+    by_build: Mapping[int, float]
+    """Those of a person by the size of the body, over a ground."""
+
+
 @dataclass(frozen=True)
 class Standing:
     """The depth of subjects by their contact with the ground, or by feature points on them.
@@ -47,6 +64,8 @@ class Standing:
     static: StaticDepth
     moving: Callable[[int], Mask]
     """All moving pixels (h, w) of a source frame, at any size."""
+    build: Callable[[int, Mask], Build | None] = lambda frame, mask: None
+    """Measures the person of a mask (h, w) over a source frame."""
 
     def inverse_depths(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """Estimate the median inverse depth of a subject.
@@ -76,6 +95,53 @@ class Standing:
             found = self._by_surface(masks, static)
         hidden = {frame: float(np.median(static[frame][masks[frame]])) for frame in found}
         return {frame: inverse for frame, inverse in found.items() if inverse >= hidden[frame]} or found
+
+    def bounds(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> Bounds:
+        """Bound the inverse depth of a subject without contact, such as one that the lower border cuts off.
+
+        It is nearer than the feature points that it hides, and than the ground at the border. Where a ground
+        is known, the size of a person gives the distance: shoulders of that size at the height of an adult's
+        are at one place only. Arguments as of `inverse_depths`.
+        """
+        hidden, by_build = dict[int, float](), dict[int, float]()
+        masks = {frame: mask for frame in frames if (mask := self._shown(subject, frame)).any()}
+        own = [
+            self.static.reconstruction.image_at(frame)[0].points[self._on(subject(frame), frame)]
+            for frame in frames
+        ]
+        xyz = np.delete(self.static.reconstruction.points.xyz, np.unique(np.concatenate(own)), axis=0)
+        for frame, mask in masks.items():
+            static = self.static.inverse_depth(frame, self._left_out)
+            ground = self._ground(frame, mask, static)
+            behind = self._hidden(frame, mask, xyz), beside(mask, static, ~self._left_out(frame))
+            hidden[frame] = NEARER * max(behind)
+            found = None if ground is None else self.build(frame, subject(frame))
+            inverse = found and ground and self._by_build(frame, found, ground)
+            if inverse:
+                by_build[frame] = inverse
+        return Bounds(hidden, by_build)
+
+    def _hidden(self, frame: int, mask: Mask, xyz: Floats) -> float:
+        """The inverse depth that most points (n, 3) behind a subject (h, w) are below; 0 for too few."""
+        image, _ = self.static.reconstruction.image_at(frame)
+        pinhole = self.static.canvas(frame).pinhole
+        there = xyz @ image.rotation.T + image.translation
+        there = there[there[:, 2] > 0]
+        column, row = np.floor(pinhole.project(there)).clip(-1, 1e6).astype(int).T
+        inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
+        inside[inside] = mask[row[inside], column[inside]]
+        few = np.count_nonzero(inside) < LEAST_POINTS
+        return 0.0 if few else float(np.quantile(1 / there[inside, 2], HIDDEN))
+
+    def _by_build(self, frame: int, build: Build, ground: Plane) -> float | None:
+        """The inverse depth of a person of a build who stands on a ground; None of one who does not stand."""
+        canvas = self.static.canvas(frame)
+        place = canvas.features_from_source(build.shoulders[None] * canvas.camera.width)[0]
+        away = canvas.pinhole.fx / (build.metre * canvas.camera.width)
+        up = ground.directions(0.0)[0]
+        eyes = SHOULDERS - away * float(canvas.pinhole.rays(place)[0] @ up)
+        low, high = EYES
+        return eyes * float(np.linalg.norm(ground.normal)) / away if low < eyes < high else None
 
     def _by_ground(self, masks: Mapping[int, Mask], static: Mapping[int, Map]) -> dict[int, float] | None:
         """The median inverse depth of a subject by the ground that it stands on; None without a plane."""
@@ -114,15 +180,19 @@ class Standing:
             if not inside.any() or not around.any():
                 continue
             image, _ = self.static.reconstruction.image_at(frame)
-            width = self.static.reconstruction.intrinsics(image).width
-            columns, rows = (image.xy * mask.shape[1] / width).astype(int).T
-            at = np.clip(rows, 0, len(mask) - 1), np.clip(columns, 0, mask.shape[1] - 1)
-            own, others = inside[at], around[at]
+            own, others = self._on(inside, frame), self._on(around, frame)
             densities.append(own.sum() / inside.sum() * around.sum() / max(int(others.sum()), 1))
             if np.count_nonzero(own) >= LEAST_POINTS:
                 points = self.static.reconstruction.points.xyz[image.points[own]]
                 found[frame] = float(np.median(1 / (points @ image.rotation[2] + image.translation[2])))
         return found if densities and np.median(densities) >= STILL else {}
+
+    def _on(self, mask: Mask, frame: int) -> Mask:
+        """Which of the feature points that a frame shows (n,) are on a mask (h, w) over it."""
+        image, _ = self.static.reconstruction.image_at(frame)
+        width = self.static.reconstruction.intrinsics(image).width
+        columns, rows = (image.xy * mask.shape[1] / width).astype(int).T
+        return np.asarray(mask[np.clip(rows, 0, len(mask) - 1), np.clip(columns, 0, mask.shape[1] - 1)])
 
     def _beneath(self, frame: int, mask: Mask, static: Map) -> float | None:
         """The median inverse depth of the static scene just below a subject (h, w); None if it is cut off."""
