@@ -4,14 +4,17 @@ the video with true mattes of what moves (T3), or a stroke on it (T4)."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.base.errors import UserError
+from addon.core.base.store import Store
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Points, Reconstruction
 from addon.core.depth.source import DepthSource, PixelDepth
@@ -20,6 +23,7 @@ from addon.core.depth.stereo_depth import whole_depth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import RESTORED, HighlightSettings
+from addon.core.frame.quality import NORMAL, Quality
 from addon.core.media.clip import open_footage
 from addon.core.media.light import to_gray8, to_linear
 from addon.core.sfm.process import SolveProcess
@@ -29,6 +33,7 @@ from addon.core.subjects.strokes import MarkedSubject, Stroke
 from addon.core.warp.disocclusion_fill import HiddenColours
 
 from .. import store
+from ..cost import Cost, measured
 from ..picked import pick
 from . import oracle
 from .scenes import Picture, Scene
@@ -37,6 +42,8 @@ Floats = NDArray[np.float64]
 
 ON_SURFACE = 0.5
 """Pixels of the blur disc by which the focus may miss the surface seen there and still be picked on it."""
+STEADY = 4
+"""Consecutive frames after the first whose depth is timed, one of them a key frame."""
 
 
 @dataclass(frozen=True)
@@ -183,6 +190,9 @@ class FromVideo:
     discs have the true size in the median.
     """
 
+    quality: Quality = NORMAL
+    """Of the depth of every pixel."""
+
     def __init__(self, scene: Scene, mattes: bool = False, strokes: bool = False) -> None:
         """UserError for the mattes and strokes of a scene in which no subject moves."""
         if (mattes or strokes) and scene.matte(scene.judged(scene.blurs[0])[0]) is None:
@@ -204,10 +214,23 @@ class FromVideo:
             self.reconstruction, open_footage(footage).read, masks=masks, marked=tuple(marked)
         )
 
+    def with_depth(self, quality: Quality, folder: Path, frame: int) -> tuple[FromVideo, Cost]:
+        """The same with the depth of a frame and some before it found in a quality, and kept below a folder;
+        and what that costs a frame, in the mean of the last `STEADY`."""
+        found = copy(self)
+        # A folder each: a draft would take the depth of normal quality.
+        keep = partial(_store, folder / quality.name)
+        found.clip, found.quality = replace(self.clip, store=keep), quality
+        first, *others = [int(each) for each in self.reconstruction.frames if each <= frame][-STEADY - 1 :]
+        stereo = found.clip.stereo_of(quality)
+        stereo.at(first)
+        _, cost = measured(lambda: [stereo.at(each) for each in others])
+        return found, Cost(cost.cpu_s / STEADY, cost.wall_s / STEADY, cost.peak_mb)
+
     def case(self, frame: int, blur: int) -> BenchmarkCase:
         """One of the judged frames of the scene through a lens whose largest disc is about `blur` pixels."""
         picture = to_linear(self.scene.frame(frame))
-        inverse = whole_depth(self.clip.stereo.at(frame), picture).inverse_depth
+        inverse = whole_depth(self.clip.stereo_of(self.quality).at(frame), picture).inverse_depth
         with np.errstate(divide="ignore"):
             depth = 1 / inverse
         return BenchmarkCase(
@@ -259,6 +282,10 @@ class FromVideo:
             ratios.append(wanted / np.where(found == 0, np.inf, found))
             weights.append(np.abs(found))
         return scene.radius(blur) * weighted_median(np.concatenate(ratios), np.concatenate(weights))
+
+
+def _store(folder: Path, quality: Quality) -> Store:
+    return Store(folder, lambda: quality.name)
 
 
 def robust_line(x: Floats, y: Floats) -> tuple[float, float]:

@@ -23,9 +23,8 @@ from pathlib import Path
 import numpy as np
 
 from addon.core.base.errors import UserError
-from addon.core.base.store import Store
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.quality import NORMAL, QUALITIES, Quality
+from addon.core.frame.quality import NORMAL, QUALITIES
 from sample_scenes.stage import WIDTH
 
 from .. import store
@@ -54,8 +53,6 @@ WARMED = ("layers", "draft", "final")
 """The first ones of each quality."""
 RUNS, CHEAP = 3, 2.0
 """Times that a point of at most so many CPU seconds is drawn: other work on the machine only adds."""
-STEADY = 4
-"""Consecutive frames after the first whose depth is timed, one of them a key frame."""
 HEAD = "| method | views | PSNR | edges | in focus | unclipped | CPU s |"
 
 
@@ -192,18 +189,17 @@ def curve(name: str, track: str, width: int, blur: int) -> Curve:
     code, rows = store.provenance(), []
     with tempfile.TemporaryDirectory() as folder:
         given = Given(scene) if track == "T1" else FromVideo(scene)
-        clips, depth = _found(given, Path(folder), scores.frame)
+        found = _found(given, Path(folder), scores.frame)
         for name in VIEWS:
             method = METHODS[name]
-            if isinstance(given, FromVideo):
-                given.clip = clips[(method.depth or NORMAL).name]
+            own, cost = found.get((method.depth or NORMAL).name, (given, 0.0))
             if name in WARMED:
                 # What is found of other frames once is no frame's cost, and shaders are compiled once.
-                method.run(given.case(scores.frame, blur), 1)
+                method.run(own.case(scores.frame, blur), 1)
             for views in judged_views(name, width):
-                row = scores.row(track, given, name, views)
+                row = scores.row(track, own, name, views)
                 if row.cpu_s is not None and method.depth is not None:
-                    row = replace(row, cpu_s=row.cpu_s + depth.get(method.depth.name, 0.0))
+                    row = replace(row, cpu_s=row.cpu_s + cost)
                 rows.append(row)
                 print(report.line(row), flush=True)
     cameras = scene.stage.cameras
@@ -217,29 +213,17 @@ def judged_views(name: str, width: int) -> tuple[int, ...]:
     return tuple(views for views in VIEWS[name] if views <= MOST_VIEWS and name != SLOW)
 
 
-def _found(
-    given: GroundTruth | FromVideo, folder: Path, frame: int
-) -> tuple[dict[str, ClipContext], dict[str, float]]:
+def _found(given: GroundTruth | FromVideo, folder: Path, frame: int) -> dict[str, tuple[FromVideo, float]]:
     """The clip with a frame's depth found and kept, and the CPU seconds that it takes in the mean, by
     quality; nothing where depth is given."""
     if isinstance(given, GroundTruth):
-        return {}, {}
-    clips, costs = {}, {}
+        return {}
+    found = {}
     for quality in QUALITIES.values():
-        # A folder each: a draft is to find its own.
-        keep = partial(_store, folder / quality.name)
-        clip = ClipContext(given.reconstruction, given.clip.read, store=keep)
-        stereo = clip.stereo_of(quality)
-        stereo.at(frame - STEADY)
-        frames = range(frame - STEADY + 1, frame + 1)
-        _, cost = measured(partial(list, map(stereo.at, frames)))
-        clips[quality.name], costs[quality.name] = clip, cost.cpu_s / STEADY
-        print(f"{given.scene.name}: depth of {quality.name} quality, {costs[quality.name]:.2f} CPU s a frame")
-    return clips, costs
-
-
-def _store(folder: Path, quality: Quality) -> Store:
-    return Store(folder, lambda: quality.name)
+        video, cost = given.with_depth(quality, folder, frame)
+        found[quality.name] = video, cost.cpu_s
+        print(f"{given.scene.name}: depth of {quality.name} quality, {cost.cpu_s:.2f} CPU s a frame")
+    return found
 
 
 def put(folder: Path, made: Curve) -> None:

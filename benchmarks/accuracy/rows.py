@@ -60,7 +60,8 @@ class Row:
     subject_rm: float | None = None
     triangles: int = 0
     cpu_s: float | None = None
-    """Processor seconds a frame, all threads; reading, solving and truth are not in it."""
+    """Processor seconds a frame, all threads, with the depth of every pixel where a method needs it and it
+    is not given; reading, solving and truth are not in it."""
     wall_s: float | None = None
     peak_mb: float | None = None
     note: str = ""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import bpy
@@ -16,13 +16,22 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.quality import QUALITIES, Quality
+from addon.core.media.clip import open_footage
 from benchmarks import cost, store
 from benchmarks.accuracy import __main__ as bench
-from benchmarks.accuracy import oracle, plan, report
+from benchmarks.accuracy import cases, oracle, plan, report
 from benchmarks.accuracy import rows as row_file
-from benchmarks.accuracy.cases import FromVideo, GroundTruth, robust_line, weighted_median
+from benchmarks.accuracy.cases import (
+    STEADY,
+    BenchmarkCase,
+    FromVideo,
+    GroundTruth,
+    robust_line,
+    weighted_median,
+)
 from benchmarks.accuracy.judge import Judge, given_by
-from benchmarks.accuracy.methods import METHODS, with_layers
+from benchmarks.accuracy.methods import METHODS, Answer, with_layers
 from benchmarks.accuracy.plan import Part, stale
 from benchmarks.accuracy.rows import Row
 from benchmarks.accuracy.scenes import FRAMES, SIZE, Short, Staged, clipped
@@ -187,6 +196,37 @@ def test_a_run_resumes_and_repeats_what_has_changed(
     told = stale("bars", part, row_file.load())
     assert str(told).startswith("bars         1 rows stale (1 code changed)")
     assert run() == ["scatter"]
+
+
+def test_each_method_of_a_video_pays_for_depth_of_its_own_quality(
+    tiny: Tiny, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Depth is kept before a row's clock starts, and what it costs is added to the row."""
+    true = GroundTruth(tiny).reconstruction(tiny.judged(BLUR))
+    solved = object.__new__(FromVideo)
+    solved.scene, solved.reconstruction = tiny, true
+    solved.clip = ClipContext(true, open_footage(tiny.clip()).read)
+    known = dict[str, list[str]]()
+
+    def note(quality: Quality, case: BenchmarkCase, views: int) -> Answer:
+        known[quality.name] = [
+            each.name for each in QUALITIES.values() if case.clip.stereo_of(each).kept(case.frame) is not None
+        ]
+        return Answer(case.picture[..., :3], 1)
+
+    def charged[T](work: Callable[[], T]) -> tuple[T, cost.Cost]:
+        return work(), cost.Cost(1000.0, 2000.0, 0.0)
+
+    monkeypatch.setattr(row_file, "RESULTS", tmp_path)
+    monkeypatch.setattr(bench, "given_by", lambda track, scene: solved)
+    monkeypatch.setattr(cases, "measured", charged)
+    for quality in QUALITIES.values():
+        monkeypatch.setitem(METHODS, quality.name, replace(METHODS[quality.name], run=partial(note, quality)))
+    bench.run_track(Judge(tiny, BLUR), "T2", [plan.Wanted(BLUR, "T2", name, 0) for name in QUALITIES])
+    assert known == {name: [name] for name in QUALITIES}
+    for row in row_file.load().rows.values():
+        assert row.cpu_s is not None and row.wall_s is not None
+        assert row.cpu_s >= 1000 / STEADY and row.wall_s >= 2000 / STEADY
 
 
 def test_a_plan_is_of_all_scenes_and_may_be_of_a_part() -> None:
