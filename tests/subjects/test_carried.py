@@ -104,16 +104,6 @@ def test_a_correction_begins_with_what_was_carried(pictures: ClipPictures, no_ne
     assert asked == [before.strokes]
 
 
-def test_strokes_that_do_not_correct_are_cut_out_anew(pictures: ClipPictures, no_networks: Networks) -> None:
-    def carried(strokes: tuple[Stroke, ...]) -> CarriedSubject:
-        raise AssertionError(strokes)
-
-    strokes = stroke(5), stroke(7)
-    subject = CarriedSubject(pictures, no_networks, strokes, carried, corrects=False)
-    alone = CarriedSubject(pictures, no_networks, strokes[1:])
-    assert np.array_equal(subject.mask(7), alone.mask(7))
-
-
 def test_a_later_stroke_corrects_and_keeps_the_rest(pictures: ClipPictures, no_networks: Networks) -> None:
     before = CarriedSubject(pictures, no_networks, (stroke(5),))
     corner = Stroke(7, ((0.9, 0.9), (0.95, 0.9)), adds=False)
@@ -121,6 +111,39 @@ def test_a_later_stroke_corrects_and_keeps_the_rest(pictures: ClipPictures, no_n
     assert after.marked_frames == [5, 7]
     for frame in (5, 6, 7, 9):
         assert overlap(after.mask(frame), before.mask(frame)) > 0.9
+
+
+@pytest.mark.parametrize("way", [-1, 1])
+@pytest.mark.parametrize(("picket", "pitch"), [(22, 90), (30, 110), (16, 70)])
+def test_strips_that_come_from_behind_pickets_are_found(
+    no_networks: Networks, way: int, picket: int, pitch: int
+) -> None:
+    """A wagon passes behind pickets; what is marked is the part in one gap."""
+    x, y = np.arange(WIDTH), np.arange(HEIGHT)[:, None]
+
+    def hidden(frame: int) -> np.ndarray:
+        return np.asarray((x - WIDTH // 2 - pitch // 2 - 3 * (frame - 8)) % pitch < picket)
+
+    def seen(frame: int) -> np.ndarray:
+        middle = WIDTH // 2 + way * 9 * (frame - 8)
+        return np.asarray((abs(y - 150) < 40) & (abs(x - middle) < 100) & ~hidden(frame))
+
+    def shown(frame: int) -> np.ndarray:
+        ground, wagon, pickets = (
+            np.roll(texture(seed, tint), step * frame, axis=1)
+            for seed, tint, step in (
+                (1, (90, 130, 90), 2), (2, (200, 110, 60), way * 9), (3, (120, 115, 110), 3)
+            )
+        )  # fmt: skip
+        scene = np.where(seen(frame)[..., None], wagon, ground)
+        return np.where(hidden(frame)[:, None], pickets, scene).astype(np.uint8)
+
+    clip = ClipPictures(tuple(range(1, 16)), shown)
+    gap = (WIDTH // 2 + picket - pitch // 2 + np.array([8, pitch - picket - 8])) / WIDTH
+    mark = Stroke(8, tuple((float(at), 150 / HEIGHT) for at in gap))
+    subject = CarriedSubject(clip, no_networks, (mark,))
+    found = [overlap(subject.mask(frame), seen(frame)) for frame in clip.frames]
+    assert min(found) > 0.8, found
 
 
 def test_a_subject_that_leaves_the_picture_is_not_seen(no_networks: Networks) -> None:

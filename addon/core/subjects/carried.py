@@ -58,10 +58,9 @@ class Track:
     def _next(self, before: Cut, frame: int, way: int) -> Cut:
         if not before.is_seen:
             return before.gone()
-        place, agrees = self.pictures.flow.there(frame, -way)
-        beside = Neighbour(self.pictures.flow.step(frame, -way), agrees)
-        carried = warped(before.share, place)
-        return next_cut(self.networks, self.pictures.picture(frame), before, carried, [beside])
+        carried = warped(before.share, self.pictures.flow.there(frame, -way)[0])
+        beside = neighbours(self.pictures, frame)[::way]
+        return next_cut(self.networks, self.pictures.picture(frame), before, carried, beside)
 
 
 @dataclass(frozen=True)
@@ -78,8 +77,6 @@ class CarriedSubject:
     strokes: tuple[Stroke, ...]
     carried: Callable[[tuple[Stroke, ...]], CarriedSubject] | None = None
     """Returns the subject of fewer strokes, which may be carried already."""
-    corrects: bool = True
-    """Whether strokes correct the result of earlier strokes, instead of a new cut in each frame."""
     _tracks: dict[int, Track] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
@@ -137,7 +134,7 @@ class CarriedSubject:
 
     def _prior(self, frame: int, earlier: tuple[Stroke, ...]) -> Map | None:
         """(h, w) its probability in a frame by earlier strokes; None where none of them adds."""
-        if not self.corrects or not any(stroke.adds for stroke in earlier):
+        if not any(stroke.adds for stroke in earlier):
             return None
         known = self.carried or partial(CarriedSubject, self.pictures, self.networks)
         return known(earlier).cut(frame).share

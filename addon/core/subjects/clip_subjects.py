@@ -167,7 +167,7 @@ class ClipSubjects:
 
         def find() -> list[CarriedSubject]:
             tracks = list(moving_tracks(self.reconstruction, self.read, self.fixed))
-            found = ObjectsOfClip(tracks, self._object, self._people_in).subjects()
+            found = ObjectsOfClip(tracks, self._by_strokes, self._people_in).subjects()
             self._keep_shares("object", found)
             return found
 
@@ -182,10 +182,7 @@ class ClipSubjects:
         rows = zip(kept["frames"].tolist(), kept["places"].tolist(), strict=True)
         strokes = [Stroke(int(frame), ((float(x), float(y)),)) for frame, (x, y) in rows]
         ends = np.cumsum(kept["counts"].astype(int)).tolist()
-        return [self._object(tuple(strokes[start:end])) for start, end in itertools.pairwise([0, *ends])]
-
-    def _object(self, strokes: tuple[Stroke, ...]) -> CarriedSubject:
-        return CarriedSubject(self.pictures, self.networks, strokes, corrects=False)
+        return [self._by_strokes(tuple(strokes[start:end])) for start, end in itertools.pairwise([0, *ends])]
 
     def _people_in(self, frame: int) -> Mask:
         """(h, w) all people in a frame."""

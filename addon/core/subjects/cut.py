@@ -11,6 +11,7 @@ from ..base.arrays import Bytes, Map, Mask
 from ..base.global_smoother import globally_smoothed
 from ..base.progress import checkpoint
 from .flow import INLIER, change_of_size
+from .gate import APART_ALIKE
 from .networks import Networks, log_odds
 from .odds import (
     CROP,
@@ -67,6 +68,9 @@ the subject: a rider without the scooter has 0.17 to 0.37, people and animals of
 0.97."""
 TRUST_LEARNED = 0.2
 """Share of a frame in how far the networks are trusted."""
+UNRECOGNISED, UNCOVERED = 0.5, 0.9
+"""Trust in the networks below which motion and colours find the parts that come into view, and probability of
+these. On fence IoU is 0.87 with them and 0.80 without; a tram has 0.0, people of two scenes 0.93 to 1."""
 
 
 @dataclass(frozen=True)
@@ -178,20 +182,22 @@ def next_cut(
         picture: (h, w, 3) uint8 RGB.
         before: The subject in the frame before.
         carried: (h, w) its probability there, where flow carries it.
-        neighbours: The frame before, and others whose motion counts.
+        neighbours: The frame before, and the one after, whose motion shows what comes into view.
 
     Returns:
         The subject; nothing of it where it is not seen any more.
     """
     checkpoint()
-    there = carried > 0.5
-    if np.count_nonzero(there) < LEAST:
+    if np.count_nonzero(carried > 0.5) < LEAST:
         return before.gone()
+    if before.trust < UNRECOGNISED:
+        carried = _with_uncovered(picture, before.colours, carried, neighbours)
+    there = carried > 0.5
     seen = recognised(networks, picture, there)
     trust = (1 - TRUST_LEARNED) * before.trust + TRUST_LEARNED * _agreement(seen, there)
     weight = trust * CARRIED[1] + (1 - trust) * CARRIED[0]
     share = _solved(
-        picture, carried, seen, trust, neighbours, np.zeros_like(carried), weight, LEAP, before.colours
+        picture, carried, seen, trust, neighbours[:1], np.zeros_like(carried), weight, LEAP, before.colours
     )
     share = _without_islands(share, there)
     found = Cut.known(picture, share, trust) if (share > 0.5).any() else before.gone()
@@ -209,6 +215,16 @@ def next_cut(
         found, colours=before.colours.mixed(found.colours, LEARNED),
         area=(1 - TRUST_LEARNED) * area + TRUST_LEARNED * found.area,
     )  # fmt: skip
+
+
+def _with_uncovered(picture: Bytes, colours: Colours, carried: Map, neighbours: list[Neighbour]) -> Map:
+    """A probability (h, w) with the parts that an occluder uncovers, by their place, motion and colours."""
+    there = carried > 0.5
+    moved = np.max([each.agrees * motion(each.flow, there) for each in neighbours], axis=0)
+    alike = ((moved > 0) & (colours.odds(picture, COLOUR[0]) > LIKE)).astype(np.uint8)
+    whole = cv2.morphologyEx(alike, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
+    found = touching(whole, distance(there) < APART_ALIKE * max(there.shape))
+    return _without_islands(np.where(found, np.float32(UNCOVERED), carried), there | found)
 
 
 def _solved(

@@ -1,7 +1,7 @@
 """Moving objects of a clip that are not people, each as the strokes that mark it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,11 +12,6 @@ from .strokes import Stroke
 
 MOST_OBJECTS = 4
 """Objects that are followed, each at the cost of a person."""
-WHOLE = 0.9
-"""Share of an object's tracks on its mask in another sampled frame, below which these tracks mark it there,
-too: parts that something hides for some frames are lost otherwise. A tram behind pickets has a mean
-intersection over union of 0.49 if one frame marks it (320x180 pixels), and of 0.63 if all do (640x360); a car
-on a roundabout has shares of 0.92 to 0.97."""
 
 
 @dataclass(frozen=True)
@@ -44,14 +39,8 @@ class ObjectsOfClip:
         found = list[CarriedSubject]()
         while waiting and len(found) < MOST_OBJECTS:
             first = waiting.pop(max(range(len(waiting)), key=lambda number: len(waiting[number][1])))
-            waiting.sort(key=lambda each: abs(each[0] - first[0]))
-            subject, others = self.carried(_dots(*first)), []
-            for frame, group in waiting:
-                covered = _covered(subject.mask(frame), group)
-                if covered < SAME_PERSON:
-                    others.append((frame, group))
-                elif covered < WHOLE:
-                    subject = replace(subject, strokes=(*subject.strokes, *_dots(frame, group)))
+            subject = self.carried(_dots(*first))
+            others = [each for each in waiting if _covered(subject.mask(each[0]), each[1]) < SAME_PERSON]
             if len(others) < len(waiting):
                 found.append(subject)
             waiting = others
