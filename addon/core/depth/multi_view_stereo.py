@@ -4,7 +4,7 @@ Neighbour frames are chosen by baseline; a plane sweep over them, regularised by
 each pixel's inverse depth. Moving pixels of a mask have no depth here.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -18,10 +18,11 @@ from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
 from ..media.light import to_rgb8
 from ..media.picture_file import Pixels
 from .completion import interpolate, smooth, splat
+from .light_falloff import LightFalloff, light_falloff
 from .matching import Features, Matcher, matched_levels, winning_levels
 from .plane_sweep import View, small_picture
 from .source import FAINTEST
-from .sparse import FEWEST_POINTS, frame_features
+from .sparse import FEWEST_POINTS, FrameFeatures, frame_features
 from .view_selection import Neighbour, parallaxes, relative_pose, select_source_views
 
 Moving = Callable[[int], Map | Mask | None]
@@ -141,7 +142,10 @@ class PlaneSweepStereo:
             return DenseDepth(frame, sparse, np.zeros(shape, np.float32), masked, canvas.pinhole)
         most = LEVELS[1] if self._rec.is_ordered else PHOTO_LEVELS
         levels = np.linspace(low, high, int(np.clip(np.ceil(widest / LEVEL_STEP), LEVELS[0], most)))
-        views = [self._view(image, own, one, middle) for one in near]
+        falloff = self._falloff(image, own, near, features)
+        if falloff is not None:
+            own = falloff.even(own, canvas.pinhole)
+        views = [self._view(image, own, one, middle, falloff) for one in near]
         level, confidence = matched_levels(own, views, levels, Features(known, count), self._matcher)
         inverse = low + (levels[1] - levels[0]) * smooth(level)
         inverse = np.maximum(inverse, 0).astype(np.float32)
@@ -286,14 +290,31 @@ class PlaneSweepStereo:
         possible = self._parallaxes.get((image.frame, span), found)
         return select_source_views(image, possible, wanted, self._rec.is_ordered)
 
-    def _view(self, image: Image, own: Bytes, near: Neighbour, middle: float) -> View:
+    def _falloff(
+        self, image: Image, own: Bytes, near: Sequence[Neighbour], features: FrameFeatures
+    ) -> LightFalloff | None:
+        """What the lens loses towards the corners, by the features (n,) of a frame (h, w, 4)."""
+        seen = [(own, self._canvas(image).pinhole, features.observed)]
+        for other in (one.image for one in near):
+            local, ahead = seen_by(other, self._rec, features.points)
+            pinhole = self._canvas(other).pinhole
+            places = np.where(ahead[:, None], pinhole.project(local), np.nan)
+            seen.append((self._picture(other), pinhole, places))
+        return light_falloff(seen)
+
+    def _view(
+        self, image: Image, own: Bytes, near: Neighbour, middle: float, falloff: LightFalloff | None = None
+    ) -> View:
         """A source view with its homographies, as bright as the frame (h, w, 4) at an inverse depth."""
         rotation, translation = relative_pose(image, near.image)
         here, there = (pixel_matrix(self._canvas(i).pinhole) for i in (image, near.image))
         back = np.linalg.inv(here)
         # The planes that are swept face the frame: their normal is its viewing direction.
         parallax = np.outer(translation, [0.0, 0.0, 1.0])
-        view = View(self._picture(near.image), there @ rotation @ back, there @ parallax @ back, near.side)
+        picture = self._picture(near.image)
+        if falloff is not None:
+            picture = falloff.even(picture, self._canvas(near.image).pinhole)
+        view = View(picture, there @ rotation @ back, there @ parallax @ back, near.side)
         return view.exposed_as(own, middle)
 
 
