@@ -426,3 +426,35 @@ def test_what_is_found_is_told_with_its_frame(tmp_path: Path) -> None:
     for index, (picture, places) in enumerate(told):
         assert np.array_equal(picture, footage.read(footage.frames[index]))
         np.testing.assert_allclose(places * planes.SIZE, tracks.in_frame(index)[1], atol=1e-3)
+
+
+# Repeated bars
+
+
+def barred(count: int, period: int, step: float, seed: int) -> Pictures:
+    """A wall that slides, whose middle is plain panels a `period` wide with level seams."""
+    wall = planes.texture(900, 240, seed).astype(np.float32)
+    x = np.arange(900)
+    wall[60:180] = 120 - 35 * np.clip(1.5 - np.abs((x + period / 2) % period - period / 2), 0, 1)
+    for row in (80, 120, 160):
+        wall[row : row + 2] -= 12
+    wall = np.asarray(cv2.GaussianBlur(wall, (0, 0), 0.7), np.float32)
+    noise = np.random.default_rng(seed)
+    made = []
+    for i in range(count):
+        move = np.array([[1, 0, -200 + i * step], [0, 1, 0.0]])
+        seen = cv2.warpAffine(wall, move, planes.SIZE, flags=cv2.INTER_CUBIC) + noise.normal(0, 1, (240, 320))
+        made.append(np.clip(np.rint(seen), 0, 255).astype(np.uint8))
+    return made
+
+
+@pytest.mark.parametrize("period", [8, 10, 12, 14])
+@pytest.mark.parametrize("step", [3.7, 4.5, 6.0])
+def test_no_track_takes_one_of_many_bars_for_the_next(period: int, step: float) -> None:
+    tracker, before, hops, steps = klt.TwoScales(new_corners), {}, 0, 0
+    for gray in barred(8, period, step, seed=period):
+        now = dict(zip(*(each.tolist() for each in tracker.step(gray)), strict=True))
+        moves = [now[each][0] - before[each][0] - step for each in now.keys() & before.keys()]
+        hops, steps, before = hops + np.count_nonzero(np.abs(moves) > period / 2), steps + len(moves), now
+    assert steps > 3000
+    assert hops <= 2

@@ -21,7 +21,7 @@ AROUND = 9
 FEWEST = 200
 """Least pairs of brightnesses for a fit."""
 LEAST_LOSS = 0.1
-"""Share of display-encoded light lost at the outermost points, up to which nothing is changed: clips that lose
+"""Share of encoded light lost at the outermost points, up to which nothing is changed: clips that lose
 none have fits of up to 0.06, by 250 points, and person_walk_away_1 has 0.25 to 0.31."""
 STEPS = 5
 """Reweighted least squares until the weights stay."""

@@ -51,6 +51,9 @@ MIN_LEFT = 0.1
 """Share of the points below which those found again are chance, and count as lost."""
 PATIENCE = 3
 """Frames after which points that were lost all at once are given up."""
+AS_ALIKE, ALIKE = 1.5, 0.05
+"""A point moves like its neighbours if it looks alike there: one minus the correlation with its patch is less
+than so many times that where flow puts it, or than so much."""
 JUMP = 1.0
 """Pixels in one frame by which a point may move otherwise than before, or than its neighbours."""
 COARSE_SCALE = 4
@@ -182,11 +185,33 @@ def _found(points: _Points, places: Places, kept: Mask, before: Bytes, after: By
     """The points that were kept (n,), at their places in `after`, without those that went elsewhere."""
     found = points.kept(kept)
     old, last = found.places, found.moves
-    found.places, good = found.patches.refined(after.astype(np.float32), places)
-    found.moves = found.places - old
+    gray = after.astype(np.float32)
+    found.places, good = found.patches.refined(gray, places)
     cell = cell_size(before, CELLS)
+    _move_with_neighbours(found, old, gray, cell)
+    found.moves = found.places - old
     good &= ~motion_outliers(old, found.places, last, cell)
     return found.kept(good)
+
+
+def _move_with_neighbours(found: _Points, old: Places, gray: Places, cell: int) -> None:
+    """Move points from `old` (n, 2) as their neighbours do, where they look as much alike there.
+
+    Flow in small pictures takes one of many equal bars for the next one: always by one, so that the track is
+    that of a point at another distance.
+    """
+    usual = neighbour_motion(old, found.places, 2 * cell)
+    with np.errstate(invalid="ignore"):
+        rows = np.nonzero(np.linalg.norm(found.places - old - usual, axis=1) > JUMP)[0]
+    rows = rows[found.patches.known[rows]]
+    if not len(rows):
+        return
+    other = found.patches.kept(rows)
+    there, _ = other.refined(gray, old[rows] + usual[rows])
+    apart = np.linalg.norm(there - found.places[rows], axis=1)
+    here = found.patches.kept(rows).unlike(gray, found.places[rows])
+    better = (apart > JUMP) & (other.unlike(gray, there) < np.maximum(AS_ALIKE * here, ALIKE))
+    found.places[rows[better]], found.patches.map[rows[better]] = there[better], other.map[better]
 
 
 def follow(
@@ -238,17 +263,33 @@ def neighbour_consistency(before: Places, after: Places, cell: int, jump: float)
     """
     if not len(before):
         return np.zeros(0, bool), np.zeros(0, bool)
-    move = after - before
+    move, (beside, other) = after - before, _beside(before, cell)
+    apart = np.where(other, np.linalg.norm(move[beside] - move[:, None], axis=2), np.inf)
+    allowed = np.maximum(jump, SAME_MOTION * np.linalg.norm(move, axis=1))
+    return np.partition(apart, 1, axis=1)[:, 1] < allowed, other.sum(axis=1) >= MIN_NEIGHBOURS
+
+
+def neighbour_motion(before: Places, after: Places, cell: int) -> Places:
+    """Return the median motion (n, 2) of the points in the cells around each; NaN where they are too few."""
+    if not len(before):
+        return before
+    beside, other = _beside(before, cell)
+    other &= (other.sum(axis=1) >= MIN_NEIGHBOURS // 2)[:, None]
+    move = np.where(other[..., None], (after - before)[beside], np.float32(np.inf))
+    middle = np.maximum(other.sum(axis=1) - 1, 0) // 2
+    median = np.sort(move, axis=1)[np.arange(len(before)), middle]
+    return np.where(np.isfinite(median), median, np.float32(np.nan))
+
+
+def _beside(before: Places, cell: int) -> tuple[NDArray[np.intp], Mask]:
+    """(n, k) points in the cells around each of (n, 2), and which of them are there and others."""
     around = AROUND
     column, row = (before // cell).astype(int).T + around
     held = np.full((row.max() + around + 1, column.max() + around + 1), -1)
     held[row, column] = np.arange(len(before))
     offset = np.arange(-around, around + 1)
     beside = held[row[:, None, None] + offset[:, None], column[:, None, None] + offset].reshape(len(row), -1)
-    other = (beside >= 0) & (beside != np.arange(len(before))[:, None])
-    apart = np.where(other, np.linalg.norm(move[beside] - move[:, None], axis=2), np.inf)
-    allowed = np.maximum(jump, SAME_MOTION * np.linalg.norm(move, axis=1))
-    return np.partition(apart, 1, axis=1)[:, 1] < allowed, other.sum(axis=1) >= MIN_NEIGHBOURS
+    return beside, (beside >= 0) & (beside != np.arange(len(before))[:, None])
 
 
 def same_brightness(gray: Bytes, other: Bytes) -> Bytes:

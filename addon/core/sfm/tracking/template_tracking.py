@@ -140,8 +140,7 @@ class Patches(Rows):
             shear = np.clip(step.reshape(-1, 2, 3)[:, :, 1:], -0.2, 0.2)
             turn = turn @ np.linalg.inv(np.eye(2) + shear)
             at -= np.einsum("nij,nj->ni", turn, np.clip(step[:, ::3], -1, 1))
-        seen, spread = _normalised(sample(gray, at, turn))
-        unlike = 1 - (seen * patch) @ WEIGHT
+        unlike, spread = _unlike(gray, at, turn, patch)
         noise = NOISE * np.median(unlike * spread**2) / spread**2
         alike[rows] = unlike < np.minimum(MAX_UNLIKE + noise, MAX_UNLIKE_WITH_NOISE)
         near = np.linalg.norm(at - places[rows], axis=1) < MAX_MOVE
@@ -153,6 +152,16 @@ class Patches(Rows):
         self.map[rows[good]] = turn[good]
         self.known[rows[~steady]] = False
         return moved, alike
+
+    def unlike(self, gray: Map, places: Map) -> Map:
+        """Return (n,) one minus the correlation of known patches with a frame (H, W) at places (n, 2)."""
+        return _unlike(gray, places, self.map, self.patch)[0]
+
+
+def _unlike(gray: Map, places: NDArray[np.floating], maps: Floats, patch: Map) -> tuple[Map, Map]:
+    """(n,) one minus the correlation of patches (n, p) with a picture, and its standard deviations there."""
+    seen, spread = _normalised(sample(gray, places, maps))
+    return 1 - (seen * patch) @ WEIGHT, spread
 
 
 def sample(gray: Map, places: NDArray[np.floating], maps: Floats, basis: Map = BASIS) -> Map:
