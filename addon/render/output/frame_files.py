@@ -140,7 +140,7 @@ def movie_problem(path: Path, count: int, size: tuple[int, int], rate: float = 0
     return "" if held == size else f"is {held[0]}x{held[1]} and should be {size[0]}x{size[1]}"
 
 
-def shown_problem(path: Path, files: dict[int, Path], held: Sequence[int]) -> str:
+def shown_problem(path: Path, files: dict[int, Path], held: Sequence[int], size: tuple[int, int]) -> str:
     """Return the reason why a movie does not show pictures, by frame, in the order of frames `held`, or "".
 
     Each picture must have its place; `COMPARED` of them are compared, but those of light (EXR).
@@ -148,7 +148,7 @@ def shown_problem(path: Path, files: dict[int, Path], held: Sequence[int]) -> st
     places = {frame: number for number, frame in reversed(list(enumerate(held, 1)))}
     if lost := sorted(files.keys() - places.keys()):
         return f"has no place for rendered frames {ranges(lost)}, and each should be there"
-    reader = VideoReader(path)
+    reader = VideoReader(path, size)
     try:
         for at in np.unique(np.linspace(0, len(files) - 1, COMPARED).round().astype(int)):
             frame = sorted(files)[at]

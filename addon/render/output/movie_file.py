@@ -67,7 +67,7 @@ def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
             except RuntimeError as error:
                 raise UserError(f"Blender could not write {out.name}: {str(error).strip()}") from error
             problem = frame_files.movie_problem(part, len(held), size, rate)
-            frame_files.refuse(out, problem or frame_files.shown_problem(part, files, held))
+            frame_files.refuse(out, problem or frame_files.shown_problem(part, files, held, size))
     finally:
         bpy.data.scenes.remove(movie)
         opened.close()
