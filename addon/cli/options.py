@@ -113,7 +113,7 @@ def _value(option: Option, text: str) -> Any:
 def text_of(option: Option, value: Any) -> str:
     """Return a value as the command line writes it: the inverse of `value_type`."""
     for word, meant in _words(option).items():
-        if meant == value:
+        if meant == value and value not in (option.choices or ()):
             return word
     return repr(math.degrees(value)) if option.unit == "ANGLE" else str(value)
 

@@ -147,3 +147,11 @@ def test_every_option_of_a_frame_is_a_property_and_one_of_the_command_line(scene
     parser = Parser()
     add_options(parser, FRAME_OPTIONS)
     assert set(vars(parser.parse_args([]))) == set(FRAME_OPTIONS)
+
+
+@pytest.mark.parametrize("method", ["grid", "edges"])
+def test_a_method_of_the_first_release_is_still_read(method: str) -> None:
+    parser = Parser()
+    add_options(parser, {"method": FRAME_OPTIONS["method"]})
+    assert parser.parse_args(["--method", method]).method == "features"
+    assert text_of(FRAME_OPTIONS["method"], "features") == "features"

@@ -14,7 +14,9 @@ FRAME_OPTIONS: dict[str, Option] = {
     **{each.name: each for each in options_of(HighlightSettings).values()},
 }
 """Options of a frame on the same level."""
-FRAME_OPTIONS["method"] = replace(FRAME_OPTIONS["method"], choices=MESHERS)
+GONE = {"grid": "features", "edges": "features"}
+"""Methods of version 1.0, and the one most like each."""
+FRAME_OPTIONS["method"] = replace(FRAME_OPTIONS["method"], choices=MESHERS, words=GONE)
 APERTURE_OPTIONS: dict[str, Option] = options_of(Aperture)
 """Options of the aperture's shape, in a group of their own."""
 
