@@ -174,16 +174,16 @@ def test_movies_of_other_pictures_or_times_are_found(scene: bpy.types.Scene, tmp
     )
     files = {number: tmp_path / f"{number:06d}.png" for number in range(1, 13)}
     assert not frame_files.movie_problem(out, 12, SIZE, 25.0)
-    assert not frame_files.shown_problem(out, files, range(1, 13))
+    assert not frame_files.shown_problem(out, files, range(1, 13), SIZE)
     assert "shows frame 2 at 0.04 s and should at 0.0416667 s" in frame_files.movie_problem(
         out, 12, SIZE, 24.0
     )
     assert "no place for rendered frames 5" in frame_files.shown_problem(
-        out, files, [1, 2, 3, 4, 4, *range(6, 13)]
+        out, files, [1, 2, 3, 4, 4, *range(6, 13)], SIZE
     )
     files[7], files[8] = files[8], files[7]
     assert "shows another picture at frame 7 and should show 000008.png" in frame_files.shown_problem(
-        out, files, range(1, 13)
+        out, files, range(1, 13), SIZE
     )
 
 

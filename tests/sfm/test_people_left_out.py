@@ -152,7 +152,7 @@ def solved_with_mask(clip: Path, frames: int, folder: Path, people: str = IN_PLA
     folder.mkdir()
     job = {
         "footage": str(clip), "frames": list(range(1, frames + 1)), "video": None, "stills": False,
-        "folder": str(folder), "may_stay": False, "cameras": None,
+        "folder": str(folder), "may_stay": False, "cameras": None, "pixel_aspect": 0.0, "fixed": False,
         "lens": {"focal": None, "zooms": False},
     }  # fmt: skip
     (folder / "job.json").write_text(json.dumps(job))

@@ -219,7 +219,7 @@ def test_kept_sizes_need_no_picture(tmp_path: Path) -> None:
 
         store = Store(tmp_path, lambda: "key")
         found = SubjectDistance(
-            clip, square, lambda frames: dict.fromkeys(frames, 0.2), store, "moving-a-sizes"
+            clip, square, lambda frames: dict.fromkeys(frames, 0.2), store=store, name="moving-a-sizes"
         )
         return [found.inverse_depth(frame) for frame in clip.frames]
 

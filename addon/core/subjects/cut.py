@@ -221,7 +221,7 @@ def _with_uncovered(picture: Bytes, colours: Colours, carried: Map, neighbours: 
     """A probability (h, w) with the parts that an occluder uncovers, by their place, motion and colours."""
     there = carried > 0.5
     moved = np.max([each.agrees * motion(each.flow, there) for each in neighbours], axis=0)
-    alike = ((moved > 0) & (colours.odds(picture, COLOUR[0]) > LIKE)).astype(np.uint8)
+    alike = ((moved > INLIER) & (colours.odds(picture, COLOUR[0]) > LIKE)).astype(np.uint8)
     whole = cv2.morphologyEx(alike, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
     found = touching(whole, distance(there) < APART_ALIKE * max(there.shape))
     return _without_islands(np.where(found, np.float32(UNCOVERED), carried), there | found)
