@@ -114,7 +114,7 @@ def restore(scene: bpy.types.Scene, footage: Footage | None) -> None:
 
 
 def restore_camera(scene: bpy.types.Scene, footage: Footage | None) -> None:
-    """Bring the clip's camera back to what the solve made of it, and the clip behind it from `footage`."""
+    """Restore the clip's camera as it was solved, and the clip behind it from `footage`."""
     settings: VirtualApertureSettings = scene.virtual_aperture
     reconstruction = reconstruction_of(settings)
     settings.camera.parent = settings.root

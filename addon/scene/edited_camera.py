@@ -1,4 +1,4 @@
-"""What the user has changed of the clip's camera: the render has the solve's own, the viewport does not."""
+"""The user's changes of the clip's camera: the render has the solve's own camera, the viewport does not."""
 
 from collections.abc import Iterator, Mapping
 
@@ -19,7 +19,7 @@ OFFSET = "virtual_aperture_offset"
 
 
 def edits(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Return the names of what was changed of the clip's camera, as Blender names it; none unsolved."""
+    """Return Blender's names of the changed properties of the clip's camera; none without a solve."""
     settings = scene.virtual_aperture
     camera = settings.camera
     if not parts.is_in(scene, camera) or camera.type != "CAMERA":
@@ -105,7 +105,7 @@ def _changed(data: bpy.types.bpy_struct, expected: Mapping[str, object]) -> Iter
 
 
 def _background(settings: bpy.types.PropertyGroup) -> Iterator[str]:
-    """What shows another part or another frame of the clip behind the camera."""
+    """Changes that show another part or another frame of the clip behind the camera."""
     for each in settings.camera.data.background_images:
         if each.image is None or not each.image.get(IDENTITY):
             continue

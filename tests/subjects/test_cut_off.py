@@ -19,7 +19,7 @@ from addon.core.subjects.standing import Standing
 
 from ..scenes import texture
 from . import walls
-from .test_standing import CAMERA, EYE, Street, person
+from .street import CAMERA, EYE, Street, person
 
 
 def walker(distance: float, speed: float) -> tuple[Callable[[int], Mask], Callable[[int], Bytes]]:

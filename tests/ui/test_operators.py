@@ -60,6 +60,11 @@ CASES = {
         "scene/test_parts.py::test_what_cannot_be_restored_is_said",
         "the solve with it",
     ),
+    "restore_camera": Case(
+        "scene/test_edited_camera.py::test_an_edit_is_named_and_restored",
+        "scene/test_edited_camera.py::test_an_edit_is_named_and_restored",
+        "The clip's camera is as it was solved",
+    ),
     "import_solve": Case(
         f"{UI}::test_a_model_is_imported_by_its_folder_or_a_file_in_it",
         f"{UI}::test_an_import_that_fails_leaves_everything_as_it_was",
@@ -171,6 +176,11 @@ CASES = {
         "ui/test_set_scale.py::test_two_clicks_and_a_length_are_the_scale",
         "ui/test_set_scale.py::test_a_scale_is_refused",
         "both ends are in the same place",
+    ),
+    "set_amount_by": Case(
+        "scene/test_depth_of_field.py::test_f_stops_are_shown_once_the_scale_is_given",
+        f"{UI}::test_buttons_say_why_they_are_disabled",
+        "Pick what should be sharp first",
     ),
     "use_lens_preset": Case(
         "ui/test_lens_presets.py::use",

@@ -44,6 +44,8 @@ def test_buttons_say_why_they_are_disabled(scene: bpy.types.Scene, tmp_path: Pat
         bpy.ops.virtual_aperture.set_focus()
     with pytest.raises(RuntimeError, match="Pick what should be sharp first"):
         bpy.ops.virtual_aperture.render_clip()
+    with pytest.raises(RuntimeError, match="Pick what should be sharp first"):
+        bpy.ops.virtual_aperture.set_amount_by(kind="F_STOP")
 
 
 def test_focus_from_selected_vertices(scene: bpy.types.Scene, tmp_path: Path) -> None:

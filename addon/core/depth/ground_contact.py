@@ -52,7 +52,7 @@ lie behind it: depth is wrong beneath the feet of a man walking away, which fram
 BORDER = 3
 """Pixels from the picture's lower border within which an object may go on beyond."""
 HIDDEN, NEARER = 0.9, 1.25
-"""Quantile of inverse depths of what an object hides, as single ones are errors, and the ratio by which it is
+"""Quantile of inverse depths behind an object, as single ones are errors, and the ratio by which it is
 nearer, assumed: at least a person cut off at the knees is, where the ground at the border is the nearest."""
 
 

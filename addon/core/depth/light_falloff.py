@@ -29,7 +29,7 @@ STEPS = 5
 
 @dataclass(frozen=True)
 class LightFalloff:
-    """What a lens loses, by the distance from the middle of the picture in half diagonals."""
+    """Loss of light in a lens, by the distance from the middle of the picture in half diagonals."""
 
     terms: Floats
     """(3,) factors of `POWERS` in the logarithm of the light that is left."""
@@ -60,7 +60,7 @@ def light_falloff(seen: Sequence[tuple[Bytes, Intrinsics, Floats]]) -> LightFall
     """Find what the lens loses from the same points in several frames; None where it loses hardly anything.
 
     Args:
-        seen: Of a frame and its neighbours each the picture (h, w, 4), display-encoded, its pinhole, and the
+        seen: For a frame and each neighbour, the picture (h, w, 4), display-encoded, its pinhole, and the
             places (n, 2) of the points in it.
     """
     light, distance = (np.stack(each) for each in zip(*(_measured(*one) for one in seen), strict=True))
@@ -68,7 +68,7 @@ def light_falloff(seen: Sequence[tuple[Bytes, Intrinsics, Floats]]) -> LightFall
     known = np.isfinite(step)
     if known.sum() < FEWEST:
         return None
-    # What is looked for, and a change of exposure of each neighbour.
+    # Unknowns: the factors of `POWERS`, and a change of exposure of each neighbour.
     neighbour = np.nonzero(known)[0]
     apart = (distance[1:, :, None] ** POWERS - distance[0][:, None] ** POWERS)[known]
     system = np.column_stack([apart, np.eye(len(step))[neighbour]])

@@ -293,7 +293,7 @@ class PlaneSweepStereo:
     def _falloff(
         self, image: Image, own: Bytes, near: Sequence[Neighbour], features: FrameFeatures
     ) -> LightFalloff | None:
-        """What the lens loses towards the corners, by the features (n,) of a frame (h, w, 4)."""
+        """The lens's loss of light towards the corners, by the features (n,) of a frame (h, w, 4)."""
         seen = [(own, self._canvas(image).pinhole, features.observed)]
         for other in (one.image for one in near):
             local, ahead = seen_by(other, self._rec, features.points)

@@ -30,7 +30,7 @@ _LISTS = (b"ffconcat", b"#extm3u", b"v=0", b"<mpd", b"<?xml", b"[playlist]")
 """How the text of playlists begins."""
 _EQUIVALENT = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 _BESIDE = Disposition.attached_pic | Disposition.timed_thumbnails | Disposition.dependent
-"""Tracks that are no clip: covers, thumbnails, and what only adds to another track."""
+"""Tracks that are no clip: covers, thumbnails, and additions to another track."""
 STILLS = 0.1
 """Share of the frames of the track with most, under which a track is of stills: that of a phone, taken during
 a clip of 53 frames, has 2."""
@@ -56,8 +56,8 @@ class Sound:
 def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
     """Open a video's container and its pictures, to be closed by the caller.
 
-    Of several video tracks it is the longest, but for stills and covers; of those that are as long within a
-    frame a default one, then that with most pixels. Raises UserError if the file cannot be opened or has no
+    The longest video track is opened, but for stills and covers; among those that are as long within a frame,
+    a default one, then the one with most pixels. Raises UserError if the file cannot be opened or has no
     pictures that can be decoded.
     """
     container = _opened(path)
@@ -105,7 +105,7 @@ def _longest(path: Path, tracks: list[int]) -> int:
                     times[packet.stream.index].append(float(at * packet.time_base))
         most = max(map(len, times.values()))
         moving = [index for index in tracks if len(times[index]) >= max(FEWEST, STILLS * most)] or tracks
-        # Of a frame: the last is as long as the others.
+        # Duration of a frame: the last is as long as the others.
         apart = {index: np.ptp(times[index] or [0.0]) / max(1, len(times[index]) - 1) for index in moving}
         lasts = {index: apart[index] * len(times[index]) for index in moving}
         longest = max(moving, key=lambda index: lasts[index])

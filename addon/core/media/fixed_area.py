@@ -1,4 +1,4 @@
-"""What is burnt into a clip and stays in its place: bars at the border, logos and timecodes.
+"""Overlays that are burnt into a clip and stay in place: bars at the border, logos and timecodes.
 
 Bars are rows and columns of one colour behind a straight edge. Logos and text are pixels that keep their
 colour while what is right beside them changes, as in Meisinger et al., "Automatic TV logo removal using
@@ -71,14 +71,14 @@ OUTLINED = 24
 logo, and of text at crf 28; 20 in one of ten."""
 CONTRAST = 60
 """Levels between such a pixel and one beside it, in three of four frames: 95 and more in those. It changes by
-a fifth of that at most. With half of it, what a nearly still camera keeps in place is found in 6 of 27 clips
-without a logo, by `tests/media/test_fixed_area.py`."""
+a fifth of this contrast at most. With half of it, parts of the scene before a nearly still camera are found
+in 6 of 27 clips without a logo, by `tests/media/test_fixed_area.py`."""
 DENSE = 0.12
 """Least share of such pixels in their box: 0.25 in the real logo, up to 0.05 in boxes of other clips."""
 FEWEST = 40
 """Least number of them: 400 and more in logos of 80x20 pixels, up to 50 in the scene."""
 MOVES = 0.5
-"""Least share of the picture that moves, from which on what stays is known to be fixed: 0.55 to 1 in clips
+"""Least share of the picture that moves, from which on still pixels are known to be fixed: 0.55 to 1 in clips
 of a moving camera."""
 LOOSE = 0.03
 """Largest share of contrasts elsewhere that are as steady: up to 0.002 in those, all in a still scene."""
@@ -87,7 +87,7 @@ RING = 0.6
 LARGEST = 0.06
 """Largest share of the picture of a logo or text."""
 MIDDLE = 0.25
-"""Half sides of the picture's middle, as shares: what stays there is often what the camera follows."""
+"""Half sides of the picture's middle, as shares: the camera often follows a subject that stays there."""
 FULL, WHOLE = 0.65, 0.9
 """Least shares of its box that a rectangular plate fills, without the digits that change and with them: 0.79
 are a disc, 0.5 is text."""
@@ -104,7 +104,7 @@ class FixedArea:
 
     @property
     def note(self) -> str:
-        """What it is, for the user."""
+        """Sides and boxes of the overlays, for the user."""
         scene = cv2.boundingRect((~self.mask).astype(np.uint8))
         height, width = self.mask.shape
         left, top, right, bottom = scene[0], scene[1], scene[0] + scene[2], scene[1] + scene[3]
@@ -129,7 +129,7 @@ class FixedArea:
         number = np.arange(height * width, dtype=np.int32).reshape(height, width)
         at = np.flatnonzero(self.covered)
         nearest = of_nearest(number, scene)[0].ravel()[at]
-        # Of a row beside the border, the next one is the row itself, as in a symmetric margin.
+        # A row beside the border mirrors the border's own row, as in a symmetric margin.
         row, column = (
             np.clip(2 * to - own + np.sign(own - to), 0, size - 1)
             for to, own, size in zip(
@@ -313,7 +313,7 @@ def _plate(clip: _Changes, edges: Mask, inside: Mask) -> Bytes | None:
     if count < max(FEWEST, DENSE * across * down) or min(across, down) < 4:
         return None
     height, width = edges.shape
-    # What is flat, and steady without an edge, belongs to it where it goes on from it.
+    # Flat pixels that are steady without an edge belong to it where they are connected to its edges.
     reach = max(across, down)
     part = np.s_[max(y - reach, 0) : y + down + reach, max(x - reach, 0) : x + across + reach]
     flat = ((clip.change[part] <= STEADY) & inside[part]).astype(np.uint8)

@@ -198,7 +198,7 @@ def _table(
     seconds = np.array([float((time - times[0]) * tick) for time in times])
     mean = (len(seconds) - 1) / float(seconds[-1]) if len(seconds) > 1 else float(rates[0])
     likely = [*map(float, rates), mean]
-    # FFmpeg guesses 240 for 241 a second; exact is what is off by the rounding of times alone.
+    # FFmpeg guesses 240 for 241 a second; an exact rate is off by the rounding of times alone.
     exact = (rate for rate in likely if keeps_rate(seconds, rate, min(0.5, EXACT + rate * tick)))
     fps = next(exact, None) or next((rate for rate in likely if keeps_rate(seconds, rate)), mean)
     begins = None if sound is None else sound.start

@@ -24,7 +24,7 @@ _LUMA = {
 }  # fmt: skip
 """Weights of red and blue in luma by the code of matrix coefficients (ITU-T H.273, table 4)."""
 _OTHERS = {8, *range(10, 18)}
-"""Codes of what is not read: YCgCo, constant luminance, ICtCp and others."""
+"""Codes that are not read: YCgCo, constant luminance, ICtCp and others."""
 _HD_ROWS = 720
 """Rows of stored pictures, before they are turned, from which untagged colours are BT.709's."""
 _FULL = 2

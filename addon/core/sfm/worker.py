@@ -182,7 +182,7 @@ def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str
 
 
 def _of_scene(tracks: Tracks, footage: Footage) -> Tracks:
-    """The tracks outside of what is fixed."""
+    """The tracks outside of the fixed pixels."""
     fixed = footage.fixed
     return tracks if fixed is None else outside(tracks, lambda _: fixed.covered)
 

@@ -192,7 +192,7 @@ class Networks:
         return Build(float(spread[0] / spread[1]) * region.side / 256 / width, middle / width)
 
     def _posed(self, picture: Bytes, turned: Floats) -> tuple[NDArray[np.float32], ...]:
-        """What the network of bodies finds in a part of a picture that a map (2, 3) brings to its input."""
+        """Run the network of bodies on the part of a picture that a map (2, 3) brings to its input."""
         square = cv2.warpAffine(picture, turned, (256, 256), flags=cv2.INTER_AREA)
         return self._run(BODY, _stretched(square, 256, 256))
 

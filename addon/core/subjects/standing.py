@@ -48,7 +48,7 @@ class Bounds:
     """Inverse depths of a subject without contact, in 1 / scene units by frame."""
 
     hidden: Mapping[int, float]
-    """Least ones: it is nearer than what it hides."""
+    """Least ones: the subject is nearer than the scene that it hides."""
     by_build: Mapping[int, float]
     """Those of a person by the size of the body, over a ground."""
 
@@ -99,8 +99,8 @@ class Standing:
     def bounds(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> Bounds:
         """Bound the inverse depth of a subject without contact, such as one that the lower border cuts off.
 
-        It is nearer than the feature points that it hides, and than the ground at the border. Where a ground
-        is known, the size of a person gives the distance: shoulders of that size at the height of an adult's
+        It is nearer than the feature points that it hides, and than the ground at the border. Over a known
+        ground, the size of a person gives the distance: shoulders of this size at the height of an adult's
         are at one place only. Arguments as of `inverse_depths`.
         """
         hidden, by_build = dict[int, float](), dict[int, float]()
@@ -134,7 +134,7 @@ class Standing:
         return 0.0 if few else float(np.quantile(1 / there[inside, 2], HIDDEN))
 
     def _by_build(self, frame: int, build: Build, ground: Plane) -> float | None:
-        """The inverse depth of a person of a build who stands on a ground; None of one who does not stand."""
+        """The inverse depth of a person of a build, standing on a ground; None of one that does not stand."""
         canvas = self.static.canvas(frame)
         place = canvas.features_from_source(build.shoulders[None] * canvas.camera.width)[0]
         away = canvas.pinhole.fx / (build.metre * canvas.camera.width)

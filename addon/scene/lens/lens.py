@@ -148,7 +148,7 @@ def is_in_focus(settings: bpy.types.PropertyGroup) -> bool:
 
 
 def has_radius(settings: bpy.types.PropertyGroup) -> bool:
-    """Return whether the aperture's radius is what is stored; else the blur is."""
+    """Return whether the aperture's radius is stored; else the blur is."""
     return stored(settings, "aperture_radius") > 0 and not is_keyed(settings, "blur")
 
 
@@ -223,7 +223,7 @@ def shown_blur(settings: bpy.types.PropertyGroup, held: float, _is_set: bool) ->
 
 
 def blur_of_radius(settings: bpy.types.PropertyGroup) -> float:
-    """Return the blur with which the radius is what it is now; the stored blur where none is."""
+    """Return the blur that gives the present radius; the stored blur where there is none."""
     try:
         reconstruction = reconstruction_of(settings)
         unit = _unit_radius(reconstruction, *_place_of_blur(settings, reconstruction))

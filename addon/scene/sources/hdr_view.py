@@ -1,6 +1,6 @@
 """The view of HDR clips on ordinary displays: a curve of Blender's own color management, before its view.
 
-Blender applies it to what it shows and writes in 8 bits, such as PNG and JPEG. EXR holds the light itself.
+Blender applies it to pictures that it shows or writes in 8 bits, such as PNG. EXR holds the light itself.
 """
 
 import contextlib

@@ -118,7 +118,7 @@ class Shot:
 
     @cached_property
     def fixed(self) -> FixedArea | None:
-        """What is burnt into the clip; UserError where a frame cannot be read."""
+        """Overlays burnt into the clip; UserError where a frame cannot be read."""
         if not self.keeps_fixed or self.footage.is_stills:
             return None
         frames = [int(frame) for frame in self.reconstruction.frames]

@@ -1,4 +1,4 @@
-"""The amount of blur in the panels: the number that is stored, and what results of it as a text."""
+"""The amount of blur in the panels: the stored number, and its results as a text."""
 
 import bpy
 
@@ -48,7 +48,7 @@ def stored_by(settings: bpy.types.PropertyGroup) -> str:
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the stored number, and what results of it; with a known scale, what else can be stored."""
+    """Draw the stored number and its results; with a known scale, also the choice of another number."""
     settings = context.scene.virtual_aperture
     kind, is_guess = stored_by(settings), not settings.metres_per_unit > 0
     stop = "F-Stop (guess)" if is_guess else "F-Stop"
