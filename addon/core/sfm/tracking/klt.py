@@ -53,8 +53,8 @@ PATIENCE = 3
 """Frames after which points that were lost all at once are given up."""
 AS_ALIKE, ALIKE = 1.2, 0.02
 """A point moves like its neighbours if it looks alike there: one minus the correlation with its patch is less
-than so many times that where flow puts it, or than so much. With 1.5 points beside depth jumps are further off
-(0.9 quantile 2.1 instead of under 2 %, `test_known_poses`), with 0.0 up to four bars are taken for the next."""
+than so many times that where flow puts it, or than so much. With 1.5 points beside depth jumps are off (0.9
+quantile 2.1 instead of under 2 %, `test_known_poses`), with 0.0 up to four bars are taken for the next."""
 JUMP = 1.0
 """Pixels in one frame by which a point may move otherwise than before, or than its neighbours."""
 COARSE_SCALE = 4
