@@ -14,6 +14,8 @@ from .sources.shot import IDENTITY, reconstruction_of
 
 ROUNDING = 1e-5
 """Relative difference of a number that Blender keeps in single precision (1.2e-7), and interpolates."""
+Expected = dict[str, Floats]
+"""Values (k, n) of properties at the registered frames, by path."""
 OFFSET = "virtual_aperture_offset"
 """Property of the background image: the frame offset that the solve has set."""
 
@@ -28,11 +30,7 @@ def edits(scene: bpy.types.Scene) -> tuple[str, ...]:
         reconstruction = reconstruction_of(settings)
     except UserError:
         return ()
-    views = [view_of(reconstruction.intrinsics(image)) for image in reconstruction.images]
-    places = np.array([image.centre for image in reconstruction.images])
-    pose = dict(zip(POSE, (places, rotations_of(reconstruction)), strict=True))
-    lens = {path: np.array([[view[path]] for view in views]) for path in INTRINSICS}
-    fixed = {path: views[0][path] for path in VIEW if path not in INTRINSICS}
+    pose, lens, fixed = _solved(reconstruction)
     found = [
         *_animated(camera, pose, reconstruction), *_changed(camera, UNMOVED),
         *["Parent"] * (camera.parent != settings.root),
@@ -43,9 +41,26 @@ def edits(scene: bpy.types.Scene) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def _animated(
-    data: bpy.types.ID, expected: dict[str, Floats], reconstruction: Reconstruction
-) -> Iterator[str]:
+_last: tuple[Reconstruction, tuple[Expected, Expected, dict[str, object]]] | None = None
+"""Panels ask at every redraw."""
+
+
+def _solved(reconstruction: Reconstruction) -> tuple[Expected, Expected, dict[str, object]]:
+    """The camera's pose, its animated lens and its other properties as solved; the last are remembered."""
+    global _last
+    if _last is None or _last[0] is not reconstruction:
+        views = [view_of(reconstruction.intrinsics(image)) for image in reconstruction.images]
+        places = np.array([image.centre for image in reconstruction.images])
+        pose = dict(zip(POSE, (places, rotations_of(reconstruction)), strict=True))
+        lens = {path: np.array([[view[path]] for view in views]) for path in INTRINSICS}
+        _last = (
+            reconstruction,
+            (pose, lens, {path: views[0][path] for path in VIEW if path not in INTRINSICS}),
+        )
+    return _last[1]
+
+
+def _animated(data: bpy.types.ID, expected: Expected, reconstruction: Reconstruction) -> Iterator[str]:
     """Properties that are not as expected at the registered frames, (k, n) by path, or not now."""
     frames = reconstruction.frames.astype(np.float64)
     for path, values in expected.items():
