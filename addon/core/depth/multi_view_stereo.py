@@ -15,6 +15,7 @@ from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
+from ..media.fixed_area import Fixed, nothing_fixed
 from ..media.light import to_rgb8
 from ..media.picture_file import Pixels
 from .completion import interpolate, smooth, splat
@@ -97,7 +98,7 @@ class PlaneSweepStereo:
         mask: Moving | None = None,
         unseen: Moving | None = None,
         matcher: Matcher = winning_levels,
-        fixed: Mask | None = None,
+        fixed: Fixed = nothing_fixed,
     ) -> None:
         """Prepare the depth of a clip's frames.
 
@@ -108,7 +109,7 @@ class PlaneSweepStereo:
             mask: Moving pixels of swept frames.
             unseen: Moving pixels of source views, where `mask` is too slow for these.
             matcher: Finds the depth levels.
-            fixed: Pixels (H, W) of all source frames that do not show the scene.
+            fixed: Returns the pixels (H, W) of all source frames that do not show the scene, if any.
         """
         self._rec, self._read, self._long_side, self._mask = reconstruction, read, long_side, mask
         self._unseen, self._matcher, self._fixed = unseen or mask, matcher, fixed
@@ -211,7 +212,7 @@ class PlaneSweepStereo:
         small = np.dstack([small, np.full(small.shape[:2], 255, np.uint8)])
         small = _straightened(small, canvas) if canvas.camera.is_distorted else small
         small[self.on_canvas(image, self._unseen(image.frame) if self._unseen else None), 3] = MASKED
-        small[self.on_canvas(image, self._fixed), 3] = 0
+        small[self.on_canvas(image, self._fixed()), 3] = 0
         return small
 
     def _masked(self, image: Image) -> Mask:

@@ -29,7 +29,7 @@ from ..depth.stereo_depth import NoDepth, StereoDepth
 from ..depth.temporal_fusion import TemporalFusion
 from ..focus.place import Place, PlaceFinder
 from ..focus.subject import subject_place
-from ..media.fixed_area import FixedArea
+from ..media.fixed_area import FixedArea, nothing_fixed
 from ..media.light import to_linear
 from ..media.noise import NUMBERS, Noise, measured
 from ..media.picture_file import Pixels
@@ -82,14 +82,19 @@ class ClipContext:
     """The user's depth maps, used where stereo is uncertain."""
     from_rec_709: Floats | None = None
     """(3, 3) from the primaries of Rec.709, those of integer pictures, to those of the working space."""
-    fixed: FixedArea | None = None
-    """Pixels that do not show the scene, such as black bars: nothing is made from them."""
+    find_fixed: Callable[[], FixedArea | None] = nothing_fixed
+    """Finds the pixels that do not show the scene, such as black bars: nothing is made from them."""
+
+    @cached_property
+    def fixed(self) -> FixedArea | None:
+        """The result of `find_fixed`, which reads frames: only drawing and depth need it."""
+        return self.find_fixed()
 
     def scene(self, frame: int) -> Pixels:
         """Return a frame as `read`, with the scene mirrored into the fixed area."""
-        return self.read(frame) if self.fixed is None else self.fixed.scene(self.read, frame)
+        picture = self.read(frame)
+        return picture if self.fixed is None else self.fixed.without(picture)
 
-    @property
     def _fixed(self) -> Mask | None:
         return None if self.fixed is None else self.fixed.covered
 
@@ -372,7 +377,7 @@ class ClipContext:
 
     def _foreign(self, frame: int) -> Mask | None:
         """Return the pixels (h, w) of a source frame that do not show the static scene."""
-        moving, fixed = self.moving(frame), self._fixed
+        moving, fixed = self.moving(frame), self._fixed()
         if moving is None or fixed is None:
             return fixed if moving is None else moving
         size = fixed.shape[1], fixed.shape[0]

@@ -19,6 +19,7 @@ from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving
 from ..depth.source import FAINTEST
 from ..depth.subject_depth import Subject
+from ..media.fixed_area import Fixed, nothing_fixed
 from ..media.picture_file import Pixels
 from ..subjects.clip_subjects import ClipSubject, ClipSubjects, united
 from ..subjects.distance import SubjectDistance
@@ -48,8 +49,8 @@ class MovingParts:
     """Finds the depth levels of pixels."""
     has_maps: bool = False
     """True if the user has given depth maps."""
-    fixed: Mask | None = None
-    """Pixels (H, W) of all source frames that do not show the scene."""
+    fixed: Fixed = nothing_fixed
+    """The pixels that do not show the scene."""
 
     @cached_property
     def every_subject(self) -> list[ClipSubject]:

@@ -95,6 +95,14 @@ INK = 0.06
 """Least share of changing digits' box in the colours of fixed ones: 0.1 and more of a 1, the narrowest."""
 
 
+Fixed = Callable[[], Mask | None]
+"""Returns the pixels (H, W) of all frames of a clip that do not show the scene; None if there are none."""
+
+
+def nothing_fixed() -> None:
+    """Return None, for a clip without a fixed area."""
+
+
 @dataclass(frozen=True)
 class FixedArea:
     """The fixed pixels of a clip, the same in all frames."""
@@ -138,10 +146,6 @@ class FixedArea:
         )
         mirrored = row * width + column
         return at, np.where(scene.ravel()[mirrored], mirrored, nearest)
-
-    def scene(self, read: Callable[[int], Pixels], frame: int) -> Pixels:
-        """Return `without` of a frame that `read` reads (H, W, 3 or 4)."""
-        return self.without(read(frame))
 
     def on_canvas(self, canvas: Canvas) -> Mask:
         """Return the covered pixels (h, w) of a canvas."""

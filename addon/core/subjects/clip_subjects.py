@@ -14,6 +14,7 @@ from ..base.arrays import Bytes, Mask
 from ..base.lru_cache import LRUCache
 from ..base.store import NOT_KEPT, Arrays, Entry, Store
 from ..camera.reconstruction import Reconstruction
+from ..media.fixed_area import Fixed, nothing_fixed
 from ..media.picture_file import Pixels
 from .carried import SAME_PERSON, CarriedSubject, PeopleOfClip, Track, neighbours
 from .cut import Cut
@@ -75,8 +76,8 @@ class ClipSubjects:
     store: Store = NOT_KEPT
     """Storage of subjects."""
     networks: Networks = field(default_factory=Networks)
-    fixed: Mask | None = None
-    """Pixels (H, W) of all frames that do not show the scene."""
+    fixed: Fixed = nothing_fixed
+    """The pixels that do not show the scene."""
     _carried: LRUCache[CarriedSubject] = field(
         default_factory=lambda: LRUCache[CarriedSubject](KEPT_SUBJECTS), repr=False, compare=False
     )
@@ -166,7 +167,7 @@ class ClipSubjects:
         """
 
         def find() -> list[CarriedSubject]:
-            tracks = list(moving_tracks(self.reconstruction, self.read, self.fixed))
+            tracks = list(moving_tracks(self.reconstruction, self.read, self.fixed()))
             found = ObjectsOfClip(tracks, self._by_strokes, self._people_in).subjects()
             self._keep_shares("object", found)
             return found

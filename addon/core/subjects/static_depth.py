@@ -21,6 +21,7 @@ from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepSter
 from ..depth.reprojection import in_place
 from ..depth.stored_depth import depth_entry
 from ..depth.view_selection import stride
+from ..media.fixed_area import Fixed, nothing_fixed
 from ..media.picture_file import Pixels
 
 LONG_SIDE = 480
@@ -45,8 +46,8 @@ class StaticDepth:
     """Storage of the source frames' depth."""
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels."""
-    fixed: Mask | None = None
-    """Pixels (H, W) of all source frames that do not show the scene."""
+    fixed: Fixed = nothing_fixed
+    """The pixels that do not show the scene."""
 
     @cached_property
     def _sweep(self) -> PlaneSweepStereo:

@@ -113,7 +113,7 @@ class Shot:
         return ClipContext(
             self.reconstruction, self.read, None, self._masks, self._store,
             self.subjects, self._found, self._kept(self._highlight_key), gpu_matcher.winning_levels,
-            self.depth, self.from_rec_709, self.fixed,
+            self.depth, self.from_rec_709, lambda: self.fixed,
         )  # fmt: skip
 
     @cached_property
@@ -135,11 +135,10 @@ class Shot:
 
     @cached_property
     def _found(self) -> ClipSubjects:
-        read = self.read if self.fixed is None else partial(self.fixed.scene, self.read)
-        covered = None if self.fixed is None else self.fixed.covered
         return self.found or ClipSubjects(
-            self.reconstruction, read, self._kept(self._subject_key), fixed=covered
-        )
+            self.reconstruction, lambda frame: self.context.scene(frame), self._kept(self._subject_key),
+            fixed=lambda: None if self.fixed is None else self.fixed.covered,
+        )  # fmt: skip
 
     @property
     def _masks(self) -> Callable[[int], Map | None] | None:
