@@ -24,10 +24,11 @@ from sample_scenes import cycles_views
 
 from .. import planes
 from ..scenes import psnr
+from ..variants import variants
 
 SIZE = 160, 120
 COUNT, FRAME = 8, 4
-SCALES = (1e-9, 1e-6, 1e5, 1e9)
+SCALES = variants((1e-9, 1e9, 1e-6, 1e5), 2)
 FOCUS, RADIUS = 6.0, 0.5
 """Scene units."""
 PICKED = (302, 305, 310, 320)
@@ -113,13 +114,7 @@ def stages(scale: float, method: str = "layers") -> Stages:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "scale",
-    [
-        pytest.param(each, marks=[] if each in (SCALES[0], SCALES[-1]) else pytest.mark.long)
-        for each in SCALES
-    ],
-)
+@pytest.mark.parametrize("scale", SCALES)
 def test_depth_is_the_same_in_any_unit(scale: float) -> None:
     one, other = stages(1.0), stages(scale)
     for stage, digits in (("sparse", DIGITS), ("swept", DIGITS), ("fused", KEPT)):

@@ -20,6 +20,8 @@ from addon.scene.build import blender_rate, build
 from benchmarks.odd_clips import SIZE
 from benchmarks.torture import clip as solved
 
+from ..variants import variants
+
 LENS = solved.Intrinsics(*SIZE, 60.0, 60.0, SIZE[0] / 2, SIZE[1] / 2)
 TICK = Fraction(1, 960_000)
 """Seconds: whole numbers of it, or nearly, are between frames of all rates here."""
@@ -83,7 +85,7 @@ STEADY = ("1/10", "1", "12.5", "23.976", "24000/1001", "25", "29.97", "59.94", "
           "1000", "1001", "1500", "2000", "5000")  # fmt: skip
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv"])
+@pytest.mark.parametrize("suffix", variants([".mp4", ".mov", ".mkv"], 1))
 @pytest.mark.parametrize("rate", STEADY)
 def test_every_frame_of_a_steady_clip_is_shown_at_its_time(
     scene: bpy.types.Scene, tmp_path: Path, rate: str, suffix: str
@@ -120,7 +122,7 @@ def varying(seed: int) -> list[Fraction]:
     return [TICK * round(time / float(TICK)) for time in times]
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", variants(range(16), 3))
 def test_every_frame_of_a_varying_clip_is_shown_near_its_time(
     scene: bpy.types.Scene, tmp_path: Path, seed: int
 ) -> None:
