@@ -11,6 +11,8 @@ import pytest
 
 from addon.core.base.system import LIBRARIES
 
+from ..variants import variants
+
 ROOT = Path(__file__).resolve().parents[2]
 OLD = '__version__ = "{}"\ndef __getattr__(name): return lambda *a, **k: None\n'
 """A module that has everything, by its word."""
@@ -36,7 +38,7 @@ def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("fake", FAKES)
+@pytest.mark.parametrize("fake", variants(FAKES, 5))
 @pytest.mark.parametrize("is_package", [False, True])
 @pytest.mark.parametrize("process", ["headless", "worker", "register"])
 def test_it_is_named_when_a_process_starts(tmp_path: Path, fake: str, is_package: bool, process: str) -> None:
