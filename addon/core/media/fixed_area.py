@@ -58,8 +58,6 @@ DENSE = 0.12
 MOVES = 0.55
 """Least share of the picture that moves, and of what is around a logo, from which on still pixels are known
 to be fixed."""
-SOLID = 0.75
-"""Share of its convex hull from which on a logo is no text: 0.8 and more of plates, 0.3 to 0.75 of text."""
 
 
 Fixed = Callable[[], Mask | None]
@@ -237,41 +235,16 @@ def _logos(luma: Bytes, change: Bytes, bars: Bytes) -> Bytes:
         own = edges & (label == number)
         if own.sum() < max(2 * near, DENSE * across * down) or min(across, down) < 4:
             continue
-        area = np.isin(part, part[own])
-        hull = cv2.convexHull(np.argwhere(area)[:, ::-1].astype(np.int32))
-        logo = cv2.fillConvexPoly(np.zeros_like(change), hull, 1)
-        if area.sum() < SOLID * logo.sum():
-            _add_digits(logo, luma, own)
+        area = np.argwhere(np.isin(part, part[own]))[:, ::-1]
+        # Digits that change are within the hull of their outlines, or of their plate.
+        logo = cv2.fillConvexPoly(np.zeros_like(change), cv2.convexHull(area.astype(np.int32)), 1)
         x, y, across, down = cv2.boundingRect(logo)
-        around = inside.copy()
-        around[: max(y - CODED, 0)] = around[y + down + CODED :] = around[y : y + down, x : x + across] = (
-            False
-        )
-        around[:, : max(x - CODED, 0)] = around[:, x + across + CODED :] = False
+        around = np.zeros_like(inside)
+        around[max(y - CODED, 0) : y + down + CODED, max(x - CODED, 0) : x + across + CODED] = True
+        around[y : y + down, x : x + across] = False
+        around &= inside
         # The camera often follows a subject that stays in the middle.
         middle = logo[height // 4 : -(height // 4), width // 4 : -(width // 4)]
         if not middle.any() and moving[around].sum() >= MOVES * around.sum():
             found |= cv2.dilate(logo, np.ones((3, 3), np.uint8))
     return found
-
-
-def _add_digits(logo: Bytes, luma: Bytes, fixed: Mask) -> None:
-    """Add digits that change to a line of text (h, w), whose `fixed` pixels (h, w) have edges.
-
-    In every frame they have the colours of the fixed ones, the brightest and the darkest.
-    """
-    left, top, across, down = cv2.boundingRect(fixed.astype(np.uint8))
-    right, rows = left + across, luma[:, top : top + down]
-    dark, bright = np.percentile(np.median(luma, axis=0)[fixed], [10, 90])
-    kinds = [rows >= bright - CONTRAST]
-    if bright - dark > 2 * CONTRAST:
-        kinds.append(rows <= dark + CONTRAST)
-    # A digit is less wide than high; a 1 has half of the pixels of others.
-    shares = [cv2.blur(kind.mean(axis=1, dtype=np.float32), (down, 1)) for kind in kinds]
-    is_text = np.min(shares, axis=(0, 1)) >= DENSE / 2
-    while right < len(is_text) and is_text[right]:
-        right += 1
-    while left > 0 and is_text[left - 1]:
-        left -= 1
-    if right - left > across:
-        logo[top : top + down, left:right] = 1
