@@ -141,12 +141,9 @@ def _words(options: dict[str, Value]) -> list[str]:
             words.append(f"{flag}={value}")
         elif value is not None:
             for each in value if name in REPEATED else [value]:
-                words += [f"{flag}={each}"] if isinstance(each, str) else [flag, *map(str, _items(each))]
+                items = each if isinstance(each, Iterable) else [each]
+                words += [f"{flag}={each}"] if isinstance(each, str) else [flag, *map(str, items)]
     return words
-
-
-def _items(value: object) -> Iterable[object]:
-    return value if isinstance(value, Iterable) else [value]
 
 
 def _absolute(path: Path) -> Any:

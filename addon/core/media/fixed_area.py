@@ -161,38 +161,39 @@ def _found(read: Callable[[int], Pixels], frames: Sequence[int]) -> Mask:
     odd = len(luma) // SAMPLED
     ordered = np.partition(luma, (odd, len(luma) - 1 - odd), axis=0)
     change = cv2.subtract(ordered[-1 - odd], ordered[odd])
-    top, right, bottom, left = _bars(np.stack(pictures), bool(np.mean(change > CHANGED) > MOVES / 2))
+    top, right, bottom, left = _bars(pictures, bool(np.mean(change > CHANGED) > MOVES / 2))
     mask[top : height - bottom, left : width - right] = False
     bars = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     logos = cv2.resize(_logos(luma, change, bars), (width, height), interpolation=cv2.INTER_NEAREST)
     return np.asarray(mask | (logos > 0))
 
 
-def _bars(frames: Bytes, moves: bool) -> list[int]:
-    """Pixels of the bars at the top, right, bottom and left of frames (n, H, W, 3)."""
+def _bars(frames: list[Bytes], moves: bool) -> list[int]:
+    """Pixels of the bars at the top, right, bottom and left of frames (H, W, 3)."""
     bars = [0] * 4
     # On the second way round, a bar opposite another one needs no visible edge.
     for turn in range(8):
         side, opposite = turn % 4, bars[turn % 4 - 2] if turn > 3 else 0
         if not bars[side] and (turn < 4 or opposite):
             bars[side] = _bar(frames, moves, opposite)
-            frames = frames[:, bars[side] :]
-        frames = np.rot90(frames, axes=(1, 2))
+            frames = [each[bars[side] :] for each in frames]
+        frames = [np.rot90(each) for each in frames]
     return bars
 
 
-def _bar(frames: Bytes, moves: bool, opposite: int) -> int:
-    """Rows of the bar at the top of frames (n, H, W, 3), 0 where it is not sure; as many as `opposite`."""
-    colours = np.median(frames[:, 0], axis=1)
-    if np.ptp(colours, axis=0).max() > CLEAN or not (moves or colours.max() <= BLACK):
+def _bar(frames: list[Bytes], moves: bool, opposite: int) -> int:
+    """Rows of the bar at the top of frames (H, W, 3), 0 where it is not sure; as many as `opposite`."""
+    colours = np.array([np.median(each[0], axis=0) for each in frames])
+    rows = opposite or len(frames[0]) // 2
+    if not rows or np.ptp(colours, axis=0).max() > CLEAN or not (moves or colours.max() <= BLACK):
         return 0
-    distance = np.zeros((frames.shape[1] // 2, frames.shape[2]), np.float32)
+    distance = np.zeros((rows, frames[0].shape[1]), np.float32)
     for picture, colour in zip(frames, colours, strict=True):
-        apart = cv2.absdiff(np.ascontiguousarray(picture[: len(distance)]), np.array([*colour, 0.0]))
+        apart = cv2.absdiff(np.ascontiguousarray(picture[:rows]), np.array([*colour, 0.0]))
         cv2.accumulate(apart.max(axis=2), distance)
     distance /= np.float32(len(frames))
     if opposite:
-        return opposite if np.mean(distance[:opposite] > CLEAN / 2) < 0.01 else 0
+        return opposite if np.mean(distance > CLEAN / 2) < 0.01 else 0
     # Columns that never leave the colour belong to bars at the sides.
     distance = distance[:, distance.max(axis=0, initial=0) > 2 * CLEAN]
     if min(distance.shape) <= 3 * CODED:
