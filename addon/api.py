@@ -62,7 +62,6 @@ def pick(work: Path, x: float, y: float, frame: int | None = None, **options: Va
     Raises:
         UserError: The depth of the place is unknown, or an option is not valid.
     """
-    _check_background()
     at = f"{x!r},{y!r}" + (f"@{frame}" if frame is not None else "")
     (place,) = _command("pick", work, focus_at=at, **options)
     return {
@@ -80,7 +79,6 @@ def depth(source: Path, **options: Value) -> None:
     Raises:
         UserError: Depth cannot be found or kept, or an option is not valid.
     """
-    _check_background()
     _command("depth", source, **options)
 
 
@@ -96,7 +94,6 @@ def render(source: Path, out: Path, **options: Value) -> None:
     Raises:
         UserError: A frame cannot be rendered or written, or an option is not valid.
     """
-    _check_background()
     _command("render", source, out=out, **options)
 
 
@@ -112,7 +109,6 @@ def export(source: Path, out: Path, what: str = "layers", **options: Value) -> N
     Raises:
         UserError: A file cannot be written, or an option is not valid.
     """
-    _check_background()
     _command("export", source, out=out, what=what, **options)
 
 
@@ -120,6 +116,8 @@ def _command(name: str, *arguments: Path, **options: Value) -> Any:
     """Run a command of the command line; its result."""
     from .cli.main import parser
 
+    if name != "solve":
+        _check_background()
     parsed = parser().parse_args([name, *(str(_absolute(each)) for each in arguments), *_words(options)])
     try:
         return parsed.command(parsed)
@@ -143,12 +141,9 @@ def _words(options: dict[str, Value]) -> list[str]:
             words.append(f"{flag}={value}")
         elif value is not None:
             for each in value if name in REPEATED else [value]:
-                words += [f"{flag}={each}"] if isinstance(each, str) else [flag, *map(str, _items(each))]
+                items = each if isinstance(each, Iterable) else [each]
+                words += [f"{flag}={each}"] if isinstance(each, str) else [flag, *map(str, items)]
     return words
-
-
-def _items(value: object) -> Iterable[object]:
-    return value if isinstance(value, Iterable) else [value]
 
 
 def _absolute(path: Path) -> Any:

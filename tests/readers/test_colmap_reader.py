@@ -285,5 +285,5 @@ def test_a_number_with_underscores_is_none(tmp_path: Path, name: str, column: in
     words[column] = "1_0"
     lines[at] = " ".join(words)
     (tmp_path / name).write_text("\n".join(lines))
-    with pytest.raises(UserError, match=rf"{name}, line {at + 1}: expected .*numbers.*'1_0'"):
+    with pytest.raises(UserError, match=rf"{name}, line {at + 1}: expected a number .*'1_0'"):
         colmap.read(tmp_path, (160, 90))

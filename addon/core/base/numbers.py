@@ -36,17 +36,7 @@ def whole(text: str) -> int:
 
 def reals(words: Sequence[bytes]) -> NDArray[np.float64]:
     """Parse n words of a file as (n,) numbers, including `nan` and infinity; raises ValueError."""
-    _refuse_underscores(words)
-    return np.fromiter(map(float, words), np.float64, len(words))
-
-
-def wholes(words: Sequence[bytes]) -> NDArray[np.int64]:
-    """Parse n words of a file as (n,) whole numbers; raises ValueError, or OverflowError beyond 63 bits."""
-    _refuse_underscores(words)
-    return np.fromiter(map(int, words), np.int64, len(words))
-
-
-def _refuse_underscores(words: Sequence[bytes]) -> None:
     # In bytes, Python accepts ASCII digits only, so that underscores alone remain.
     if b"_" in b" ".join(words):
         raise ValueError("a word has an underscore")
+    return np.fromiter(map(float, words), np.float64, len(words))

@@ -134,15 +134,7 @@ class Store:
 
     def once[R](self, entry: Entry[R], make: Callable[[], R]) -> R:
         """Return a result of the whole clip, kept or made; other processes that need it wait meanwhile."""
-        until = time.monotonic() + LONG_PATIENCE
-        while (there := self.read(entry)) is None:
-            with self._claimed(entry.name) as is_mine:
-                if is_mine or time.monotonic() > until:
-                    # The process with the claim may just have kept it.
-                    return self.get(entry, make)
-            checkpoint()
-            time.sleep(PAUSE)
-        return there
+        return self._shared({0: entry}, lambda _: make(), LONG_PATIENCE)[0]
 
     def made[R](self, entries: Mapping[int, Entry[R]], make: Callable[[int], R]) -> dict[int, R]:
         """Return the results of frames by their entries, kept or made.
@@ -152,8 +144,13 @@ class Store:
         """
         if len(entries) == 1:
             return {frame: self.get(entry, partial(make, frame)) for frame, entry in entries.items()}
+        return self._shared(entries, make, PATIENCE)
+
+    def _shared[R](
+        self, entries: Mapping[int, Entry[R]], make: Callable[[int], R], patience: float
+    ) -> dict[int, R]:
         found, left = dict[int, R](), list(entries)
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + patience
         while left:
             waiting = []
             for frame in left:
@@ -165,7 +162,7 @@ class Store:
                             continue
                         # The process with the claim may just have kept it.
                         there = self.get(entries[frame], partial(make, frame))
-                    until = time.monotonic() + PATIENCE
+                    until = time.monotonic() + patience
                 found[frame] = there
             if waiting == left:
                 checkpoint()

@@ -13,7 +13,6 @@ from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..base.lru_cache import remembered
 from ..base.nearest_fill import nearest
 from ..base.progress import stage
-from ..base.reused_memory import ReusedMemory
 from ..base.store import NOT_KEPT, Store, numbers
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
@@ -317,11 +316,6 @@ class ClipContext:
 
     def _masked(self, frame: int) -> Map | Mask | None:
         return self.masks(frame) if self.masks else None
-
-    @cached_property
-    def texture_memory(self) -> ReusedMemory:
-        """Memory for the textures of frames, one at a time."""
-        return ReusedMemory()
 
     def depth(self, frame: int, canvas: Canvas, picture: LinearRGBA, quality: Quality = NORMAL) -> PixelDepth:
         """Return the depth of all pixels of a frame's canvas, which shows the picture (H, W, 4).

@@ -25,7 +25,7 @@ from .frame_table import DEFAULT_RATE
 from .light import same_colours
 from .picture_file import PICTURES, Pixels, full_range, open_picture
 from .picture_tags import MOST_ASPECT, PictureTags
-from .sequence import LAST_FRAME, clip_files, frames_of, is_pattern, name_numbers, pattern_numbers
+from .sequence import LAST_FRAME, clip_files, frames_of, is_pattern, name_numbers, pattern_numbers, pattern_of
 from .video import VideoReader, first_frame, video_info
 from .video_info import VideoInfo
 
@@ -329,7 +329,7 @@ def _open_sequence(path: Path, stills: bool, beside: str, pixel_aspect: float) -
         if number in numbered:
             raise UserError(
                 f"{numbered[number].name} and {file.name} are both frame {number}; keep one clip per"
-                f" folder, or use a pattern like {_pattern_like(file, number)}"
+                f" folder, or use a pattern like {(pattern_of(file) or file).name}"
             )
         numbered[number] = file
     frames = frames_of(sorted(numbered))
@@ -341,13 +341,6 @@ def _open_sequence(path: Path, stills: bool, beside: str, pixel_aspect: float) -
         path, tuple(frames.values()), *size, rate, ordered, own, None, beside, stills, pixel_aspect,
         first.tags, first.size,
     )  # fmt: skip
-
-
-def _pattern_like(file: Path, number: int) -> str:
-    """A pattern that matches the file and others that are named alike, with # for its frame number."""
-    digits = [run for run in re.finditer(r"\d+", file.stem) if int(run[0]) == number]
-    start, end = digits[-1].span() if digits else (len(file.stem), len(file.stem))
-    return f"{file.stem[:start]}{'#' * max(1, end - start)}{file.stem[end:]}{file.suffix}"
 
 
 def _narrowed(footage: Footage, wanted: FrameRange | Iterable[int]) -> Footage:

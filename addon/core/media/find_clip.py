@@ -1,16 +1,17 @@
 """Search for a clip that was moved, by its name and content."""
 
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 
 from ..base.errors import UserError
 from .clip_identity import is_same_clip
-from .sequence import is_pattern, pattern_numbers
+from .sequence import is_litter, is_pattern, pattern_numbers
 
-LEVELS = 2
-"""Folders below each other that are looked into."""
+LEVELS = "*/", "*/*/"
+"""Folders below a folder that are looked into."""
 MOST_FOLDERS = 500
-"""Looked into at most: the .blend may lie in a home folder."""
+"""Looked into at most, of each level: the .blend may lie in a home folder."""
 
 
 def clip_exists(path: Path) -> bool:
@@ -49,16 +50,7 @@ def find_clip(
 
 def _folders(top: Path) -> Iterator[Path]:
     """A folder and those below it, the nearest first."""
-    level, count = [top], 0
-    for _ in range(LEVELS + 1):
-        deeper: list[Path] = []
-        for folder in level:
-            yield folder
-            count += 1
-            if count == MOST_FOLDERS:
-                return
-            try:
-                deeper += sorted(path for path in folder.iterdir() if path.is_dir() and path.name[0] != ".")
-            except OSError:
-                continue
-        level = deeper
+    yield top
+    for pattern in LEVELS:
+        found = (path for path in top.glob(pattern) if not is_litter(str(path.relative_to(top))))
+        yield from sorted(islice(found, MOST_FOLDERS))

@@ -8,8 +8,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from ..camera.distortion import PARAMETERS
 from ..camera.reconstruction import Intrinsics, Points
-from .colmap_tables import ImageRow, PointTable, Tables, contents, name_of
-from .parsing import wrong
+from .colmap_tables import MISSING, ImageRow, PointTable, Tables
+from .parsing import contents, decoded, wrong
 from .poses import lens
 
 FILES = ("cameras.bin", "images.bin", "points3D.bin")
@@ -28,7 +28,7 @@ class Cursor:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.data = contents(path, FILES)
+        self.data = contents(path, MISSING.format(*FILES))
         self.at = 0
         head = self.data[:64]
         if len(head) > 8 and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head):
@@ -97,7 +97,9 @@ def _images(path: Path) -> list[ImageRow]:
         end = cursor.data.find(b"\0", cursor.at)
         if end < 0:
             raise wrong(cursor.place(), "an image's name that ends in a zero byte")
-        name = name_of(cursor.place(), cursor.data[cursor.at : end])
+        name = decoded(cursor.data[cursor.at : end]).strip()
+        if not name:
+            raise wrong(cursor.place(), "an image with a name")
         cursor.at = end + 1
         features = cursor.place()
         count = cursor.count(FEATURE.itemsize, "features")

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..base.numbers import LARGEST
-from ..base.regular_file import read_regular
 from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
-from .parsing import LONGEST, wrong
+from .parsing import wrong
 
 Longs = NDArray[np.int64]
+MISSING = "is missing; a COLMAP model has {0}, {1} and {2}"
+"""The error for a file that is not there, with the names of all."""
 NO_POINT = -1
 """POINT3D_ID of a feature without a point; the same as 2^64 - 1 in binary files."""
 
@@ -59,29 +60,6 @@ class Tables:
     cameras: dict[int, Intrinsics]
     images: Sequence[ImageRow]
     points: PointTable
-
-
-def name_of(place: str, raw: bytes) -> str:
-    """Decode an image's name, which programs on Windows may write in a code page."""
-    try:
-        name = raw.decode()
-    except UnicodeDecodeError:
-        name = raw.decode("latin-1")
-    if not name.strip():
-        raise wrong(place, "an image with a name")
-    return name.strip()
-
-
-def contents(path: Path, names: Sequence[str]) -> bytes:
-    """Read a file; raises UserError that lists the files of a model."""
-    try:
-        if not path.is_file():
-            raise UserError(f"{path} is missing; a COLMAP model has {', '.join(names)}")
-        if path.stat().st_size > LONGEST:
-            raise UserError(f"{path} is larger than {LONGEST >> 30} GiB; export fewer points")
-        return read_regular(path)
-    except OSError as error:
-        raise UserError(f"{path} cannot be read: {error}") from None
 
 
 def assemble(tables: Tables) -> tuple[Reconstruction, tuple[str, ...]]:

@@ -32,6 +32,25 @@ def wrong(place: Path | str, expected: str) -> UserError:
     return UserError(f"{place}: expected {expected}{'' if ';' in expected else '; export it again'}")
 
 
+def contents(
+    path: Path, missing: str = "is not a file; give the file that the other program exported"
+) -> bytes:
+    """Read a file; raises UserError, which says `missing` of one that is not there."""
+    try:
+        if not path.is_file():
+            raise UserError(f"{path} {missing}")
+        if path.stat().st_size > LONGEST:
+            raise UserError(f"{path} is larger than {LONGEST >> 30} GiB; export fewer points")
+        return read_regular(path)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def plain(data: bytes) -> bytes:
+    """Return a text without a byte order mark, whose lines end with LF."""
+    return data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+
+
 def beginning(path: Path) -> bytes | None:
     """Return the first `START` bytes of a text without a byte order mark and blanks; None if unreadable."""
     try:
@@ -44,28 +63,18 @@ def beginning(path: Path) -> bytes | None:
 class Text:
     """A text file, read line by line; LF, CRLF and CR end a line."""
 
-    def __init__(self, path: Path) -> None:
-        """Raise UserError for a file that is missing, empty, too large or not text."""
+    def __init__(self, path: Path, data: bytes | None = None) -> None:
+        """Raise UserError for a file that is missing, empty, too large or not text, without its `data`."""
         self.path = path
         self.line = 0
         """Number of the last line read."""
-        try:
-            if not path.is_file():
-                raise UserError(f"{path} is not a file; give the file that the other program exported")
-            if path.stat().st_size > LONGEST:
-                raise UserError(f"{path} is larger than {LONGEST >> 30} GiB; export fewer points")
-            data = read_regular(path)
-        except OSError as error:
-            raise UserError(f"{path} cannot be read: {error.strerror}") from None
-        data = data.removeprefix(b"\xef\xbb\xbf")
-        if not data or data.isspace():
-            raise UserError(f"{path} is empty; export it again")
-        nothing = data.find(b"\0")
-        if nothing >= 0:
-            raise wrong(f"{path}, byte {nothing}", "text, this is a binary file or UTF-16")
-        if b"\r" in data:
-            data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        self._data = data
+        if data is None:
+            data = contents(path)
+            if not plain(data).strip():
+                raise UserError(f"{path} is empty; export it again")
+            if (nothing := data.find(b"\0")) >= 0:
+                raise wrong(f"{path}, byte {nothing}", "text, this is a binary file or UTF-16")
+        self._data = plain(data)
         self._at = 0
 
     @property
@@ -75,14 +84,18 @@ class Text:
     def next(self) -> str | None:
         """Return the next line that is not blank, stripped; None at the end."""
         while self._at < len(self._data):
-            end = self._data.find(b"\n", self._at)
-            end = len(self._data) if end < 0 else end
-            row = self._data[self._at : end].strip()
-            self._at = end + 1
-            self.line += 1
-            if row:
-                return _decoded(row)
+            if row := self.following():
+                return row
         return None
+
+    def following(self) -> str:
+        """Return the next line, stripped; empty for a blank one and at the end."""
+        end = self._data.find(b"\n", self._at)
+        end = len(self._data) if end < 0 else end
+        row = self._data[self._at : end].strip()
+        self._at = end + 1
+        self.line += 1
+        return decoded(row)
 
     def demand(self, expected: str) -> str:
         """Return the next line that is not blank; raises UserError with `expected` at the end."""
@@ -125,9 +138,9 @@ class Text:
         ends = np.cumsum(np.concatenate(per_line))
         return Numbers(self, np.concatenate(values), ends, np.arange(first, first + len(ends)))
 
-    def row(self, words: list[str], count: int, what: str) -> Floats:
-        """Parse (count,) numbers from words of the last line read."""
-        if len(words) != count:
+    def row(self, words: list[str], count: int | None = None, what: str = "") -> Floats:
+        """Parse (count,) numbers from words of the last line read, by default all."""
+        if count is not None and len(words) != count:
             raise self.wrong(f"{what}, not {len(words)}")
         try:
             self.line -= 1
@@ -166,13 +179,14 @@ class Text:
         for number, line in enumerate(piece.split(b"\n"), self.line + 1):
             for word in line.split():
                 if not _is_number(word):
-                    shown = _decoded(word[:40])
+                    shown = decoded(word[:40])
                     hint = " (with a point, not a comma)" if b"," in word else ""
                     raise self.wrong(f"a number of at most {LARGEST:g}{hint}, not {shown!r}", number)
         raise AssertionError("one of the words is not a number")
 
 
-def _decoded(row: bytes) -> str:
+def decoded(row: bytes) -> str:
+    """Decode a text, which programs on Windows may write in a code page."""
     try:
         return row.decode("utf-8")
     except UnicodeDecodeError:

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
-from ..base.reused_memory import ReusedMemory
 from ..base.side_by_side import side_by_side
 from ..depth.source import PixelDepth, extended
 from ..optics.thin_lens import ThinLens
@@ -55,7 +54,6 @@ def layer_mesh(
     thin_lens: ThinLens,
     hidden: HiddenColours | None = None,
     largest_texture: int = LARGEST_TEXTURE,
-    memory: ReusedMemory | None = None,
     beyond: float = 0.0,
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
     """Make the mesh of a picture through a thin lens, its texture (h, w, 4) and its layers, near to far.
@@ -68,7 +66,6 @@ def layer_mesh(
         thin_lens: Gives the displacement of pixels in views; the mesh's inverse depths are its `rectified`.
         hidden: Colours of other frames behind silhouettes and past the border; by default they are inpainted.
         largest_texture: Most texels of a texture finer than the picture.
-        memory: Memory of the texture, by default new.
         beyond: Pixels past the border besides those that the lens's views see, for cameras with another
             direction.
     """
@@ -129,7 +126,7 @@ def layer_mesh(
         return mesh, np.concatenate([*fronts, pictures[-1]]), layers
     # A pixel's centre is a texel's centre: in the focal plane, views show the frame's own pixels.
     mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
-    return mesh, _texture(pictures, fronts, drawn, memory or ReusedMemory()), layers
+    return mesh, _texture(pictures, fronts, drawn), layers
 
 
 def _fill_of(hidden: HiddenColours, picture: LinearRGBA, thin_lens: ThinLens) -> Fill:
@@ -201,13 +198,11 @@ def triangulated(
     return [(made, triangles) for (made, *_), triangles in zip(jobs, found, strict=True)]
 
 
-def _texture(
-    pictures: list[LinearRGBA], fronts: list[LinearRGBA], drawn: list[Mask], memory: ReusedMemory
-) -> LinearRGBA:
+def _texture(pictures: list[LinearRGBA], fronts: list[LinearRGBA], drawn: list[Mask]) -> LinearRGBA:
     """Texture (n h, w, 4) of n - 1 fronts, as differences to the next picture, and the last picture."""
     # A front that is interpolated alone rings along silhouettes.
     height, width = (FINER * n for n in pictures[0].shape[:2])
-    texture = memory.zeros((len(pictures), height, width, 4))
+    texture = np.zeros((len(pictures), height, width, 4), np.float32)
     wanted, spans = np.zeros_like(drawn[0]), []
     for mask in [*drawn, np.ones_like(wanted)]:
         around = np.ones((2 * SPARE + 1, 2 * SPARE + 1), np.uint8)

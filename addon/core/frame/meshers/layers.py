@@ -38,7 +38,7 @@ def make(geometry: FrameGeometry) -> Surface:
     with stage("Mesh", FILLED, 1.0):
         mesh, texture, layers = layer_mesh(
             geometry.picture, geometry.depth_to_blur, geometry.lens, hidden, quality.largest_texture,
-            geometry.clip.texture_memory, geometry.beyond,
+            geometry.beyond,
         )  # fmt: skip
     return Surface(mesh, texture, bool(geometry.picture[..., 3].min() > 0.999), layers)
 
