@@ -18,7 +18,6 @@ from ..base.store import NOT_KEPT, Store, numbers
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..camera.steady_path import SteadyPath, steady_path
-from ..depth.completed_depth import CompletedDepth
 from ..depth.flat_scene import EstimatedDepth
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving, PlaneSweepStereo
@@ -118,8 +117,8 @@ class ClipContext:
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
         store = self._store_of(quality)
         single_frame = PlaneSweepStereo(
-            self.reconstruction, self.scene, quality.stereo_side, self.moving, self.masks or _nothing,
-            self.matcher, self._fixed,
+            self.reconstruction, self.scene, quality.stereo_side, self.moving,
+            self.masks or (lambda frame: None), self.matcher, self._fixed,
         )  # fmt: skip
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion, self._parts.placed)
 
@@ -256,10 +255,9 @@ class ClipContext:
         if self.reconstruction.stays:
             return FirstKnown((*given, self._estimated if maps is None else maps, NoDepth(), sparse))
         better = self.stereo_of(quality.better) if quality.better else None
-        stereo = StereoDepth(
-            self.stereo_of(quality), better, self._parts.opacity if quality.finds_subjects else self._masked
-        )
-        return FirstKnown((*given, stereo if maps is None else CompletedDepth(stereo, maps), sparse))
+        opacity = self._parts.opacity if quality.finds_subjects else self.masks
+        stereo = StereoDepth(self.stereo_of(quality), better, opacity, maps)
+        return FirstKnown((*given, stereo, sparse))
 
     @cached_property
     def _estimated(self) -> EstimatedDepth:
@@ -314,9 +312,6 @@ class ClipContext:
         is_given = self.given_depth is not None or self.maps is not None
         place = subject_place(*source, *(() if is_given else (self._parts.distance(subject).inverse_depth,)))
         return replace(place, subject=subject.kind or subject.name)
-
-    def _masked(self, frame: int) -> Map | Mask | None:
-        return self.masks(frame) if self.masks else None
 
     @cached_property
     def texture_memory(self) -> ReusedMemory:
@@ -389,10 +384,6 @@ class ClipContext:
         found = self.depth_source().samples(frame, canvas)
         assert found is not None  # Feature points come last.
         return found
-
-
-def _nothing(frame: int) -> None:
-    """Return None, an unknown mask."""
 
 
 def no_picture(frame: int) -> Pixels:
