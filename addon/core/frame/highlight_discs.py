@@ -196,7 +196,10 @@ class HighlightDiscs:
             discs = np.concatenate([_filtered(part, cut, reach) for part, cut in parts])
         else:
             # Parts are channels to OpenCV, which limits their number.
-            discs = np.concatenate([_filtered(some, kernel, reach) for some in _few(light)])
+            some = CHANNELS // 3
+            discs = np.concatenate(
+                [_filtered(light[at : at + some], kernel, reach) for at in range(0, len(light), some)]
+            )
         if not len(steps):
             return discs, begin
         number, row, column = np.nonzero(brightest(discs) > 0)
@@ -234,11 +237,6 @@ def _as_seen(one: SmallHighlight, steadied: Steadied) -> SmallHighlight:
     # Resampling keeps the sum of the light, not its brightness.
     light = light * np.float32(zoom**2 * one.light.sum() / max(float(light.sum()), 1e-30))
     return SmallHighlight((int(corner[1]), int(corner[0])), np.asarray(light, np.float32), displacement)
-
-
-def _few(light: LinearRGB) -> list[LinearRGB]:
-    """Split patches (n, h, w, 3) into groups that fit OpenCV's channels."""
-    return [light[first : first + CHANNELS // 3] for first in range(0, len(light), CHANNELS // 3)]
 
 
 def _filtered(light: LinearRGB, kernel: Map, reach: list[int]) -> LinearRGB:

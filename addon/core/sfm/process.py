@@ -140,7 +140,14 @@ class SolveProcess:
             check_replaceable(self.work_dir, self.clip)
             return False
         solved = is_solved(self.work_dir, self.clip, self._options)
-        _refuse_import(self.work_dir)
+        # Another program's cameras may have cost more than a solve, and are not thrown away unasked.
+        if imported := imported_from(self.work_dir):
+            raise UserError(
+                f"{self.work_dir} holds an imported solve ({imported}); keep using it, choose another folder,"
+                " or replace it",
+                Remedy.WORK_DIR,
+                Remedy.AGAIN,
+            )
         return solved
 
     def _launch(self, folder: Path) -> None:
@@ -225,18 +232,6 @@ class SolveProcess:
             self._staging = None
             # The worker's own, where it was ended.
             collect_temporary()
-
-
-def _refuse_import(work_dir: Path) -> None:
-    # Another program's cameras may have cost more than a solve, and are not thrown away unasked.
-    imported = imported_from(work_dir)
-    if imported:
-        raise UserError(
-            f"{work_dir} holds an imported solve ({imported}); keep using it, choose another folder, or"
-            " replace it",
-            Remedy.WORK_DIR,
-            Remedy.AGAIN,
-        )
 
 
 def python_command(module: str) -> list[str]:
