@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
+from ..base.nearest_fill import of_nearest
 from ..base.progress import checkpoint
 from ..optics.aberrations import scattered
 from ..optics.aperture import RED_AND_BLUE, SUBSAMPLES, Aperture
@@ -387,11 +388,7 @@ def _around(stats: Ints, reach: int) -> tuple[slice, slice]:
 
 def _nearest_of(label: Ints, highlights: Mask, displacement: Map, shift: Floats) -> Ints:
     """(H, W) labels of highlights, grown by `RIM` pixels at the same displacement (H, W); 0 elsewhere."""
-    distance, nearest = cv2.distanceTransformWithLabels(
-        (~highlights).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    renamed = np.zeros(int(nearest.max()) + 1, np.int32)
-    renamed[nearest[highlights]] = label[highlights]
-    own = np.where(distance <= RIM, renamed[nearest], 0)
+    own, distance = of_nearest(label, highlights)
+    own = np.where(distance <= RIM, own, 0)
     beside = np.abs(displacement - shift[own]) > np.maximum(NEARER, np.abs(shift[own]) / 8)
     return np.where(highlights | ((label == 0) & ~beside), own, 0)
