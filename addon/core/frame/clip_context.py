@@ -271,8 +271,7 @@ class ClipContext:
 
     def canvas(self, frame: int) -> Canvas:
         """Return the canvas of a frame at the clip's size."""
-        image, _ = self.reconstruction.image_at(frame)
-        return self.reconstruction.canvas(image)
+        return self.reconstruction.canvas(frame)
 
     def places(
         self,

@@ -201,8 +201,7 @@ def frame_geometry(
     """Collect the data of a frame before its depth; raises UserError for a lens that does not fit it."""
     check_settings(settings)
     reconstruction, mesher = clip.reconstruction, MESHERS[settings.method]
-    image, _ = reconstruction.image_at(frame)
-    canvas = reconstruction.canvas(image, size)
+    canvas = reconstruction.canvas(frame, size)
     if mesher.uses_given_depth:
         samples = clip.samples(frame, canvas)
     else:
