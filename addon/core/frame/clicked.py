@@ -70,7 +70,9 @@ def _new_subject(
     at = float(np.float32(x)), float(np.float32(y))
     new = MarkedSubject(name, (Stroke(frame, (at,)),))
     mask = clip.parts.subjects.carried(new).mask(frame)
-    if not _is_subject(mask, clip.parts.subjects.carried(new).strokes_in(frame)[0]):
+    click = clip.parts.subjects.carried(new).strokes_in(frame)[0]
+    # It has to be larger than the click, and smaller than a background.
+    if np.count_nonzero(mask & ~click) < LEAST or mask.mean() > LARGEST:
         return None
     seen(mask)
     for known in clip.parts.every_subject:
@@ -83,11 +85,6 @@ def _new_subject(
         with part(number, len(frames)):
             marked.parts.named(name).mask(other)
     return replace(marked.subject_place(name, frame), xy=(x, y), marks=new)
-
-
-def _is_subject(mask: Mask, click: Mask) -> bool:
-    """Return whether a mask (h, w) is larger than the click (h, w) and smaller than a background."""
-    return bool(np.count_nonzero(mask & ~click) >= LEAST and mask.mean() <= LARGEST)
 
 
 def _is_masked(clip: ClipContext, frame: int, x: float, y: float) -> bool:

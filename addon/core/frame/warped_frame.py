@@ -56,13 +56,6 @@ class WarpedFrame:
     """The camera's lens, if its blur was taken from that of the layers."""
 
 
-def check_settings(settings: FrameOptions) -> None:
-    """Raise UserError for an invalid aperture, number of views or method."""
-    if not (np.isfinite(settings.radius) and settings.radius > 0):
-        raise UserError(f"the aperture radius is {settings.radius:g}; it must be greater than zero")
-    check_options(settings)
-
-
 @dataclass(frozen=True)
 class MeshedFrame:
     """A frame's mesh and texture before the number of views is known."""
@@ -199,7 +192,9 @@ def frame_geometry(
     source: LinearRGBA = NO_PICTURE,
 ) -> FrameGeometry:
     """Collect the data of a frame before its depth; raises UserError for a lens that does not fit it."""
-    check_settings(settings)
+    if not (np.isfinite(settings.radius) and settings.radius > 0):
+        raise UserError(f"the aperture radius is {settings.radius:g}; it must be greater than zero")
+    check_options(settings)
     reconstruction, mesher = clip.reconstruction, MESHERS[settings.method]
     canvas = reconstruction.canvas(frame, size)
     if mesher.uses_given_depth:

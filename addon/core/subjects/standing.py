@@ -73,7 +73,8 @@ class Standing:
         if points and not _is_off(points, found or {}):
             return points
         if found is None:
-            found = self._by_surface(masks, static)
+            beneath = {frame: self._beneath(frame, mask, static[frame]) for frame, mask in masks.items()}
+            found = {frame: inverse for frame, inverse in beneath.items() if inverse is not None}
         hidden = {frame: float(np.median(static[frame][masks[frame]])) for frame in found}
         return {frame: inverse for frame, inverse in found.items() if inverse >= hidden[frame]} or found
 
@@ -132,11 +133,6 @@ class Standing:
                 rays = pinhole.rays(np.column_stack([columns, rows]).astype(float) + 0.5)
                 found[frame] = float(np.median(upright(base, touch.column, 0.0, plane, rays)))
         return found
-
-    def _by_surface(self, masks: Mapping[int, Mask], static: Mapping[int, Map]) -> dict[int, float]:
-        """The median inverse depth of the static scene beneath a subject's feet."""
-        beneath = {frame: self._beneath(frame, mask, static[frame]) for frame, mask in masks.items()}
-        return {frame: inverse for frame, inverse in beneath.items() if inverse is not None}
 
     def _by_points(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """The median inverse depth of the feature points on a subject that stands still; else nothing."""
