@@ -114,12 +114,13 @@ class ClipContext:
                 self._fixed,
             )  # fmt: skip
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
-        store = self._store_of(quality)
         single_frame = PlaneSweepStereo(
             self.reconstruction, self.scene, quality.stereo_side, self.parts.mask,
             self.masks or (lambda frame: None), self.matcher, self._fixed,
         )  # fmt: skip
-        return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion, self.parts.placed)
+        return TemporalFusion(
+            self.reconstruction, single_frame, self.store(quality), quality.fusion, self.parts.placed
+        )
 
     def prepare_subject(self, frame: int) -> dict[str, Mask]:
         """Read and load the data for a stroke in a frame in advance.
@@ -148,11 +149,6 @@ class ClipContext:
     @cached_property
     def _subjects(self) -> ClipSubjects:
         return self.known_subjects or ClipSubjects(self.reconstruction, self.scene, fixed=self._fixed)
-
-    @remembered()
-    def _store_of(self, quality: Quality) -> Store:
-        """Return the only store of a quality, as each counts its own bytes."""
-        return self.store(quality)
 
     def picture(self, frame: int, highlights: HighlightSettings) -> LinearRGBA:
         """Return a frame in linear light (H, W, 4), with restored highlights.
