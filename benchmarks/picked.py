@@ -11,6 +11,5 @@ from addon.core.focus.picking import check_place, pick_features
 def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focus:
     """The feature points for a click at fractions of a frame's width and height, as of `pick_features`."""
     check_place(reconstruction, frame, x, y)
-    image, _ = reconstruction.image_at(frame)
-    canvas = reconstruction.canvas(image)
+    canvas = reconstruction.canvas(frame)
     return pick_features(frame_features(reconstruction, frame, canvas), canvas, x, y)

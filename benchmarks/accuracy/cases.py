@@ -264,8 +264,7 @@ class FromVideo:
 
     def _features(self, frame: int) -> tuple[FrameFeatures, Floats]:
         """The frame's features and the true depth (n,) at each of them."""
-        image, _ = self.reconstruction.image_at(frame)
-        features = frame_features(self.reconstruction, frame, self.reconstruction.canvas(image))
+        features = frame_features(self.reconstruction, frame, self.reconstruction.canvas(frame))
         depth = self.scene.depth(frame)
         column, row = np.clip(features.observed, 0, [depth.shape[1] - 1, depth.shape[0] - 1]).astype(int).T
         return features, depth[row, column]

@@ -165,8 +165,7 @@ def near_edges(true: Floats, jump: float) -> Mask:
 
 def triangles(reconstruction: Reconstruction, frame: int, shape: tuple[int, int]) -> Floats:
     """(h, w) inverse depth that is linear over Delaunay triangles of the features, outside the nearest's."""
-    image, _ = reconstruction.image_at(frame)
-    features = frame_features(reconstruction, frame, reconstruction.canvas(image))
+    features = frame_features(reconstruction, frame, reconstruction.canvas(frame))
     places = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0]) + 0.5), axis=-1)
     inside = LinearNDInterpolator(features.projected, features.inverse_depth)(places)
     around = NearestNDInterpolator(features.projected, features.inverse_depth)(places)
@@ -186,8 +185,7 @@ def upright(result: DenseDepth, reconstruction: Reconstruction, shape: tuple[int
 
 def in_metres(reconstruction: Reconstruction, frame: int, true: Floats) -> float:
     """The factor from a solve's inverse depths to the true ones (h, w): the median at its features."""
-    image, _ = reconstruction.image_at(frame)
-    features = frame_features(reconstruction, frame, reconstruction.canvas(image))
+    features = frame_features(reconstruction, frame, reconstruction.canvas(frame))
     column, row = np.clip(features.observed, 0, [true.shape[1] - 1, true.shape[0] - 1]).astype(int).T
     return float(np.median(true[row, column] / features.inverse_depth))
 

@@ -84,7 +84,7 @@ def _automatic(footage: Footage, name: str) -> Callable[[int], Mask]:
     clip = ClipContext(load_solve(work).reconstruction, footage.read)
 
     def mask(frame: int) -> Mask:
-        found = clip.moving(frame)
+        found = clip.parts.mask(frame)
         return np.zeros((1, 1), bool) if found is None else found
 
     return mask

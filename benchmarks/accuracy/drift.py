@@ -173,7 +173,7 @@ def depth_row(filmed: Filmed) -> str:
     clip = ClipContext(
         TrueGeometry(filmed).reconstruction([int(n) for n in scene.cameras.frames]), filmed.read
     )
-    found, said = clip.stereo.at(frame).inverse_depth, clip.moving(frame)
+    found, said = clip.stereo.at(frame).inverse_depth, clip.parts.mask(frame)
     said = np.zeros(found.shape, bool) if said is None else said
     true = cv2.resize(1 / scene.depth(frame), found.shape[1::-1], interpolation=cv2.INTER_NEAREST)
     off = np.abs(found - true) / np.maximum(true, 1e-9)

@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 
 from addon.core.base.nearest_fill import nearest
-from addon.core.depth.completed_depth import CompletedDepth
 from addon.core.depth.source import NO_PICTURE, DepthSource
 from addon.core.depth.stereo_depth import StereoDepth
 from addon.core.depth.user_depth import UserDepth
@@ -47,10 +46,10 @@ def main() -> None:
         sensor = UserDepth.of(open_depth(DATA / "depth", footage), reconstruction)
         network = UserDepth.of(open_depth(_as_network(footage, Path(folder)), footage), reconstruction)
         clip = ClipContext(reconstruction, footage.read)
-        stereo = StereoDepth(clip.stereo)
         sources: dict[str, DepthSource] = {
-            "stereo": stereo, "network": network, "stereo and network": CompletedDepth(stereo, network),
-            "stereo and sensor": CompletedDepth(stereo, sensor),
+            "stereo": StereoDepth(clip.stereo), "network": network,
+            "stereo and network": StereoDepth(clip.stereo, maps=network),
+            "stereo and sensor": StereoDepth(clip.stereo, maps=sensor),
         }  # fmt: skip
         errors: dict[str, list[Floats]] = {name: [] for name in sources}
         for frame in footage.frames[4::STEP]:

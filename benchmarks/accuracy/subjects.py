@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -153,7 +153,7 @@ def automatic(given: Given) -> Callable[[int], Mask]:
     """Subjects that are found without the user, before depth: `ClipContext.moving`."""
 
     def mask(frame: int) -> Mask:
-        found = given.clip.moving(frame)
+        found = given.clip.parts.mask(frame)
         return np.zeros((1, 1), bool) if found is None else found
 
     return mask
@@ -165,8 +165,8 @@ def true_mattes(given: Given) -> Callable[[int], Mask]:
 
 
 def by_stroke(given: Given) -> Callable[[int], Mask]:
-    """What one stroke marks, carried both ways: `ClipContext.subject` of `Given.marked`."""
-    return partial(given.clip.subject, given.subject)
+    """What one stroke marks, carried both ways: `MovingParts.named` of `Given.marked`."""
+    return given.clip.parts.named(given.subject).mask
 
 
 METHODS = {

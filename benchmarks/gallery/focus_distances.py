@@ -68,7 +68,7 @@ def _followed(clip: RealClip, reconstruction: Reconstruction) -> tuple[dict[int,
         context = ClipContext(reconstruction, clip.footage.read, marked=(mark,))
     name = mark.name if subject is None else subject.name
     followed = dict(context.subject_place(name, clip.middle).followed or {})
-    masks = {frame: context.subject(name, frame) for frame in followed}
+    masks = {frame: context.parts.named(name).mask(frame) for frame in followed}
     return followed, {
         frame: float(np.sqrt(np.count_nonzero(mask))) for frame, mask in masks.items() if not _is_cut(mask)
     }

@@ -50,7 +50,7 @@ def test_a_stroke_is_kept_in_the_blend_and_moves_what_is_under_it(work: Path, tm
     assert subject.name == "Subject" and subject.strokes[0].frame == AT and subject.strokes[0].adds
     np.testing.assert_allclose(subject.strokes[0].places, [(X - 0.03, Y), (X + 0.03, Y)], atol=1e-4)
     context = shot_of(bpy.context.scene).context
-    assert walls.overlap(context.subject("Subject", AT), walls.disc(AT)) > 0.85
+    assert walls.overlap(context.parts.named("Subject").mask(AT), walls.disc(AT)) > 0.85
 
 
 def test_a_subject_is_kept_in_focus(work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

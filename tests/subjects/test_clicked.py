@@ -59,13 +59,13 @@ def test_a_click_on_another_one_marks_all_of_it() -> None:
     assert sorted(found.followed) == list(FEW)
     assert found.xy == (place(FRAME)[0] / WIDTH, place(FRAME)[1] / HEIGHT)
     marked = replace(clip, marked=(found.marks,), known_subjects=clip._subjects)
-    assert min(overlap(marked.subject("Disc", frame), disc(frame)) for frame in FEW) > 0.75
+    assert min(overlap(marked.parts.named("Disc").mask(frame), disc(frame)) for frame in FEW) > 0.75
     # The next click finds it, beside its outline, too.
     again = click(marked, *place(FRAME), seen=seen.append)
     assert again.marks is None and "the subject Disc" in again.source
     assert again.distance == pytest.approx(found.distance)
     for mask in seen:
-        assert np.array_equal(mask, marked.subject("Disc", FRAME))
+        assert np.array_equal(mask, marked.parts.named("Disc").mask(FRAME))
     assert len(seen) == 2
 
 

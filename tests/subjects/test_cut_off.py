@@ -14,7 +14,6 @@ from addon.core.depth.ground_contact import Plane
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.subject_depth import with_subjects
 from addon.core.frame.highlights import HighlightSettings
-from addon.core.subjects.networks import Build
 from addon.core.subjects.standing import Standing
 
 from ..scenes import texture
@@ -57,41 +56,15 @@ def test_one_that_the_lower_border_cuts_off_is_nearer_than_all_that_it_hides(
     assert walls.NEAR / 2 < away < walls.NEAR
 
 
-@pytest.mark.parametrize("eye", [1.1, 1.6, 2.1])
-@pytest.mark.parametrize("distance", [0.9, 1.6, 2.4])
-def test_the_size_of_a_body_over_a_known_ground_gives_the_distance(distance: float, eye: float) -> None:
-    """Scene units are metres over the factor by which the ground is not `EYE` below the camera."""
-    unit = eye / EYE
-
-    def mask(frame: int) -> Mask:
-        return _cut(person(distance / unit, frame))
-
-    def build(frame: int, mask: Mask) -> Build:
-        shoulders = np.array([CAMERA.cx, CAMERA.cy + CAMERA.fy * (eye - 1.39) / distance])
-        return Build(CAMERA.fx / distance / CAMERA.width, shoulders / CAMERA.width)
-
-    standing = Standing(Street(), mask, build)  # type: ignore[arg-type]
-    found = standing.bounds(mask, [0])
-    assert found.by_build[0] == pytest.approx(unit / distance, rel=0.03)
-
-
-def _cut(mask: Mask) -> Mask:
-    """The mask down to the lower border."""
-    found = mask.copy()
-    found[int(np.flatnonzero(mask.any(axis=1))[0]) :] = mask.any(axis=0)
-    return found
-
-
 def test_one_that_is_cut_off_is_nearer_than_the_ground_at_the_border() -> None:
     ground = CAMERA.fy * EYE / (CAMERA.height - CAMERA.cy)
     for blind in ((), (0, 1)):
         street = Street(frozenset(blind))
         standing = Standing(street, lambda frame: person(2.0, frame))  # type: ignore[arg-type]
         found = standing.bounds(lambda frame: person(2.0, frame), [0, 1])
-        assert not found.by_build
         least = 0.05 if blind else 1 / ground
-        assert all(least < value < 1.4 * least for value in found.hidden.values())
-        assert set(found.hidden) == {0, 1}
+        assert all(least < value < 1.4 * least for value in found.values())
+        assert set(found) == {0, 1}
 
 
 def test_in_one_picture_one_that_is_cut_off_is_nearer_than_what_is_beside_it() -> None:

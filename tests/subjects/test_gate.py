@@ -37,7 +37,7 @@ def test_depth_of_a_still_clip_equals_that_without_subjects() -> None:
     without, found = TemporalFusion(clip.reconstruction, alone).at(frame), clip.stereo.at(frame)
     for part in ("inverse_depth", "confidence", "moving"):
         np.testing.assert_array_equal(getattr(found, part), getattr(without, part))
-    assert clip.moving(frame) is None
+    assert clip.parts.mask(frame) is None
 
 
 def test_a_marked_subject_is_carried_where_no_subjects_are_found() -> None:
@@ -73,11 +73,11 @@ def test_objects_are_found_once(tmp_path: Path) -> None:
 
 def test_a_mark_replaces_an_object() -> None:
     clip, (x, y) = filmed(walls.with_disc), place(16)
-    assert [each.name for each in clip.every_subject] == ["object 1"]
+    assert [each.name for each in clip.parts.every_subject] == ["object 1"]
 
     def marked(*corners: tuple[float, float]) -> list[str]:
         mark = MarkedSubject("disc", (Stroke(16, corners),))
-        return [each.name for each in replace(clip, marked=(mark,)).every_subject]
+        return [each.name for each in replace(clip, marked=(mark,)).parts.every_subject]
 
     assert marked(((x - 8) / WIDTH, y / HEIGHT), ((x + 8) / WIDTH, y / HEIGHT)) == ["disc"]
     assert marked((0.02, 0.9), (0.05, 0.95)) == ["disc", "object 1"]

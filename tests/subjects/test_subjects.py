@@ -49,7 +49,7 @@ def test_what_stands_still_is_no_subject(shown: object) -> None:
 
 
 def test_a_stroke_marks_what_moves_and_is_carried_both_ways(clip: walls.Filmed) -> None:
-    carried = clip.carried(MarkedSubject("disc", (stroke(16),)))
+    carried = clip.parts.subjects.carried(MarkedSubject("disc", (stroke(16),)))
     for frame in SOME:
         cut = carried.cut(frame)
         assert overlap(cut.mask, disc(frame)) > 0.85 and cut.sure > 0.7
@@ -94,7 +94,7 @@ def test_a_subject_that_pauses_is_no_part_of_the_static_scene() -> None:
     x, y = pausing_place(16)
     corners = ((-12, -10), (12, -10), (-12, 0), (12, 0), (-12, 10), (12, 10))
     line = Stroke(16, tuple(((x + dx) / WIDTH, (y + dy) / HEIGHT) for dx, dy in corners))
-    carried = filmed(pausing).carried(MarkedSubject("disc", (line,)))
+    carried = filmed(pausing).parts.subjects.carried(MarkedSubject("disc", (line,)))
     assert min(overlap(carried.cut(frame).mask, pausing_disc(frame)) for frame in SOME) > 0.75
 
 
@@ -116,11 +116,11 @@ def test_a_stroke_marks_what_stands_still_throughout() -> None:
     clip = filmed(thing)
     assert not moving(clip, 16).any()
     line = Stroke(16, ((95 / WIDTH, 50 / HEIGHT), (110 / WIDTH, 80 / HEIGHT)))
-    carried = clip.carried(MarkedSubject("thing", (line,)))
+    carried = clip.parts.subjects.carried(MarkedSubject("thing", (line,)))
     assert min(overlap(carried.cut(frame).mask, at_thing(frame)) for frame in SOME) > 0.85
     # What a stroke takes away of it stays away.
     away = Stroke(16, ((90 / WIDTH, 82 / HEIGHT), (115 / WIDTH, 86 / HEIGHT)), False)
-    cut = clip.carried(MarkedSubject("thing", (line, away))).cut(16).mask
+    cut = clip.parts.subjects.carried(MarkedSubject("thing", (line, away))).cut(16).mask
     cut = walls.sized(cut, (HEIGHT, WIDTH))
     assert not cut[83:85, 98:106].any() and cut[50:70, 92:112].mean() > 0.9
 
@@ -145,14 +145,14 @@ def test_nothing_is_taken_for_a_subject_that_is_hidden() -> None:
     clip = filmed(behind_a_post)
     x = (40 + 5 * 6) / WIDTH
     line = Stroke(6, ((x - 8 / WIDTH, 70 / HEIGHT), (x + 8 / WIDTH, 70 / HEIGHT)))
-    carried = clip.carried(MarkedSubject("disc", (line,)))
+    carried = clip.parts.subjects.carried(MarkedSubject("disc", (line,)))
     assert overlap(carried.cut(9).mask, straight_disc(9)) > 0.7
     assert not carried.cut(18).mask.any()
 
 
 def test_strokes_in_two_frames_meet_in_the_middle(clip: walls.Filmed) -> None:
-    both = clip.carried(MarkedSubject("disc", (stroke(5), stroke(27))))
-    one, other = (clip.carried(MarkedSubject("disc", (stroke(n),))) for n in (5, 27))
+    both = clip.parts.subjects.carried(MarkedSubject("disc", (stroke(5), stroke(27))))
+    one, other = (clip.parts.subjects.carried(MarkedSubject("disc", (stroke(n),))) for n in (5, 27))
     for frame, near in ((8, one), (24, other)):
         difference = cv2.absdiff(both.cut(frame).share, near.cut(frame).share)
         assert difference.mean() < 3 / 255
@@ -166,10 +166,10 @@ def test_a_marked_subject_is_in_focus_as_it_moves(clip: walls.Filmed) -> None:
     canvas = marked.canvas(16)
     depth = marked.depth_source().at(16, canvas, np.zeros((0, 0, 4), np.float32))
     assert depth is not None
-    own = depth.inverse_depth[walls.sized(marked.subject("disc", 16), depth.inverse_depth.shape)]
+    own = depth.inverse_depth[walls.sized(marked.parts.named("disc").mask(16), depth.inverse_depth.shape)]
     assert np.median(own) == pytest.approx(1 / found.distance, rel=0.1)
     with pytest.raises(UserError, match="there is no subject 'cat'; there are: disc"):
-        marked.subject("cat", 16)
+        marked.parts.named("cat").mask(16)
 
 
 def test_where_a_subject_stands_the_depth_of_all_pixels_is_not_asked_for(clip: walls.Filmed) -> None:

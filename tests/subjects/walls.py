@@ -153,7 +153,7 @@ def filmed(shown: Callable[[int], Bytes], frames: tuple[int, ...] = FRAMES) -> F
 
 def moving(clip: ClipContext, frame: int) -> Mask:
     """(h, w) what is found to move in a frame."""
-    found = clip.moving(frame)
+    found = clip.parts.mask(frame)
     return np.zeros((HEIGHT, WIDTH), bool) if found is None else found
 
 

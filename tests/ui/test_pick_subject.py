@@ -179,7 +179,7 @@ def test_a_subject_is_carried_and_in_focus(
     said = capsys.readouterr().out
     unsure = settings.subjects.items[0].unsure.split()
     assert "Subject is" in said and (f"uncertain in {len(unsure)} frame" in said) == bool(unsure)
-    found = shot_of(scene).context.subject("Subject", 9)
+    found = shot_of(scene).context.parts.named("Subject").mask(9)
     assert walls.overlap(found, walls.disc(9)) > 0.85
     assert OPERATORS.focus_subject() == {"FINISHED"}
     (mark,) = settings.marks.items
@@ -225,7 +225,7 @@ def test_a_person_who_was_found_is_shown_and_taken_over_by_a_correction() -> Non
     clip = replace(filmed, known_subjects=ClipSubjects(filmed.reconstruction, filmed.read))
     # While people would have to be looked for, a stroke waits for nothing.
     assert people_of(shot_with(clip), 14) == {}
-    (person,) = clip.people
+    (person,) = clip.parts.people
     people = people_of(shot_with(clip), 14)
     assert np.array_equal(people[person.name], person.mask(14))
     y, x = np.argwhere(person.mask(14)).mean(axis=0) / person.mask(14).shape
@@ -242,12 +242,12 @@ def test_a_stroke_leaves_what_is_known_of_the_clip(
     scene.frame_set(1)
     OPERATORS.pick_subject(places="0.2,0.3 0.4,0.5")
     before = shot_of(scene)
-    carried, picture = before.context.carried(before.subjects[0]), before.read(2)
+    carried, picture = before.context.parts.subjects.carried(before.subjects[0]), before.read(2)
     OPERATORS.pick_subject(places="0.7,0.7", new=True)
     after = shot_of(scene)
     assert len(after.context.marked) == 2 and after is not before
     assert after.context._subjects is before.context._subjects
-    assert after.context.carried(after.subjects[0]) is carried and after.read(2) is picture
+    assert after.context.parts.subjects.carried(after.subjects[0]) is carried and after.read(2) is picture
     # Masks are left out of the static scene.
     black = np.zeros((LENS.height, LENS.width, 3), np.uint8)
     settings.masks = str(planes.write_clip(tmp_path / "masks", [black] * len(after.footage.frames)))

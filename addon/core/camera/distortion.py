@@ -170,11 +170,11 @@ def stages(model: str, terms: Sequence[float]) -> tuple[Stage, ...]:
             chain = (Arc(), Brown(t))
         case _:
             raise ValueError(f"{model} is not a known lens model")
-    return tuple(stage for stage in chain if not (isinstance(stage, Brown) and _does_nothing(stage)))
-
-
-def _does_nothing(stage: Brown) -> bool:
-    return not any((*stage.radial, *stage.tangential, *stage.below))
+    return tuple(
+        stage
+        for stage in chain
+        if not isinstance(stage, Brown) or any((*stage.radial, *stage.tangential, *stage.below))
+    )
 
 
 def _square(rays: Floats) -> Floats:

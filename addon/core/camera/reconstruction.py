@@ -155,16 +155,17 @@ class Reconstruction:
         rolling = replace(camera, turn=(x, y, z), largest_turn=largest, readout=self.readout)
         return camera if rolling.most_read_away * camera.fx < UNSEEN_TURN else rolling
 
-    def canvas(self, image: Image, size: tuple[int, int] | None = None) -> Canvas:
-        """Get the undistorted canvas of an image.
+    def canvas(self, of: Image | int, size: tuple[int, int] | None = None) -> Canvas:
+        """Get the undistorted canvas of an image, or of the frame of a number.
 
         Args:
-            image: A registered frame, or one of `image_at`.
+            of: A registered frame or one of `image_at`, or a number, with errors as of `image_at`.
             size: Width and height of the picture in pixels; the clip's own by default.
 
         Returns:
             The canvas. It is made once per frame and size.
         """
+        image = of if isinstance(of, Image) else self.image_at(of)[0]
         key = image.frame, image.camera, size
         if key not in self._canvases:
             camera = self.intrinsics(image)

@@ -4,19 +4,15 @@ Stereo decides where it is sure. On plain walls, gloss, or moving objects it is 
 but not their position: it bends and drifts. There the map is used, tied to the sure depth around it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
-from ..base.arrays import LinearRGBA, Map
-from ..camera.canvas import Canvas
+from ..base.arrays import Map
 from .map_fusion import SAME_SURFACE, SURE, level_of, sharpened
 from .multi_view_stereo import DenseDepth
-from .source import NO_PICTURE, DepthSource, PixelDepth
 from .source import SURE as UNSURE
-from .sparse import DepthSamples
-from .stereo_depth import ORIGIN, StereoDepth, whole_depth
 
 REACHES = (0.6, 0.06)
 """Standard deviations of the windows in which a map is shifted, as shares of the long side. Chosen by
@@ -63,7 +59,8 @@ def stepped(given: Map, level: float) -> Map:
     The filter is applied repeatedly, like that of Kramer and Bruckner: of three surfaces, the middle one
     stays where it is wide enough to be flat. Steps of more than a few levels are hard already.
     """
-    reach, kernel = _softness(given), np.ones((3, 3), np.uint8)
+    # A map is soft within so many pixels from an edge.
+    reach, kernel = max(int(SOFT * max(given.shape)), 1), np.ones((3, 3), np.uint8)
     around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     rise, most = (cv2.dilate(given, each) - cv2.erode(given, each) for each in (kernel, around))
     is_soft = sharpened(given, level, ramp=reach) != given
@@ -73,11 +70,6 @@ def stepped(given: Map, level: float) -> Map:
         low, high = cv2.erode(steps, kernel), cv2.dilate(steps, kernel)
         steps = np.where(is_soft, np.where(high - steps < steps - low, high, low), steps)
     return np.asarray(steps, np.float32)
-
-
-def _softness(given: Map) -> int:
-    """Pixels from an edge within which a map is soft."""
-    return max(int(SOFT * max(given.shape)), 1)
 
 
 def _shift(off: Map, weight: Map) -> Map:
@@ -116,38 +108,3 @@ def completed(depth: DenseDepth, given: Map) -> DenseDepth:
     confidence = np.maximum(depth.confidence, SURE * share).astype(np.float32)
     whole = (share * shape + (1 - share) * inverse).astype(np.float32)
     return replace(depth, inverse_depth=whole, confidence=confidence)
-
-
-@dataclass(frozen=True)
-class CompletedDepth(DepthSource):
-    """Depth from stereo, with maps for unsure pixels; frames without a map have stereo alone.
-
-    Errors as of both.
-    """
-
-    stereo: StereoDepth
-    maps: DepthSource
-
-    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
-        """Return the depth of all pixels of the canvas, as of `StereoDepth.at`."""
-        depth, origin = self._with_map(self.stereo.found(frame))
-        return replace(self.stereo.whole(depth, frame, canvas, picture), origin=origin)
-
-    def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
-        """Return `at` without a picture, for a frame whose stereo depth was found before; else None."""
-        known = self.stereo.found_before(frame)
-        return None if known is None else whole_depth(self._with_map(known)[0])
-
-    def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
-        """Return the map's."""
-        return self.maps.samples(frame, canvas)
-
-    def _with_map(self, depth: DenseDepth) -> tuple[DenseDepth, str]:
-        """Depth completed by its frame's map, and where it comes from."""
-        given = self.maps.at(depth.frame, self.stereo.fusion.canvas(depth.frame), NO_PICTURE)
-        if given is None:
-            return depth, ORIGIN
-        shape = given.inverse_depth.astype(np.float32)
-        if shape.shape != depth.inverse_depth.shape:
-            shape = cv2.resize(shape, depth.inverse_depth.shape[::-1], interpolation=cv2.INTER_NEAREST)
-        return completed(depth, shape), f"{ORIGIN} and {given.origin}"

@@ -38,17 +38,21 @@ def outline_of(moving: Mask, picture: LinearRGBA) -> Mask:
     size = picture.shape[1], picture.shape[0]
     whole = cv2.resize(moving.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
     radius = int(np.ceil(GUIDE_RADIUS * size[0] / moving.shape[1]))
-    left, top, width, height = cv2.boundingRect((whole > 0).astype(np.uint8))
-    # A mean of means: twice the radius.
-    part = np.s_[
-        max(top - 2 * radius, 0) : top + height + 2 * radius,
-        max(left - 2 * radius, 0) : left + width + 2 * radius,
-    ]
-    guide = to_rgb8(picture[part])
+    part = around(whole > 0, 2 * radius)
     found = whole > 0.5
     near = np.ascontiguousarray(whole[part])
-    found[part] = cv2.ximgproc.guidedFilter(guide, near, radius, GUIDE_EPSILON) > 0.5
+    found[part] = cv2.ximgproc.guidedFilter(to_rgb8(picture[part]), near, radius, GUIDE_EPSILON) > 0.5
     return np.asarray(found)
+
+
+def around(mask: Mask, reach: int) -> tuple[slice, slice]:
+    """Return the rows and columns of a mask (H, W) and `reach` pixels around.
+
+    A guided filter, a mean of means, reaches twice its radius.
+    """
+    left, top, width, height = cv2.boundingRect(mask.astype(np.uint8))
+    rows = slice(max(top - reach, 0), top + height + reach)
+    return rows, slice(max(left - reach, 0), left + width + reach)
 
 
 def outlined(

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arrays import Floats, Indices, Ints, Mask
 from ..base.errors import UserError
 from ..base.progress import checkpoint
-from ..camera.reconstruction import MEDIAN_DEPTH, Image, Reconstruction
+from ..camera.reconstruction import MEDIAN_DEPTH, Reconstruction
 from ..media.clip import describe
 from .user_maps import DepthMaps
 
@@ -58,7 +58,8 @@ def placed(reconstruction: Reconstruction, maps: DepthMaps) -> Reconstruction:
         point.append(image.points[known])
         frame.append(np.full(np.count_nonzero(known), number))
         inverse.append(value[known])
-        slant.append(_slant(reconstruction, image)[known])
+        local = image.to_camera(reconstruction.points.xyz[image.points])
+        slant.append((np.linalg.norm(local, axis=1) / local[:, 2])[known])
     points, at = np.concatenate(point), np.concatenate(frame)
     values, slants = np.concatenate(inverse), np.concatenate(slant)
     if not len(points):
@@ -80,12 +81,6 @@ def placed(reconstruction: Reconstruction, maps: DepthMaps) -> Reconstruction:
 
 def _evenly(frames: list[int], count: int) -> list[int]:
     return [frames[i] for i in np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int)]
-
-
-def _slant(reconstruction: Reconstruction, image: Image) -> Floats:
-    """(n,) ratio of distance to depth of a frame's points."""
-    local = image.to_camera(reconstruction.points.xyz[image.points])
-    return np.asarray(np.linalg.norm(local, axis=1) / local[:, 2])
 
 
 def _near(

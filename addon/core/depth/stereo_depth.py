@@ -1,6 +1,6 @@
 """Depth found in the clip itself, by stereo fused over time, as a source of depth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -8,10 +8,12 @@ import numpy as np
 from ..base.arrays import LinearRGBA, Map
 from ..base.errors import Remedy, UserError
 from ..camera.canvas import Canvas
+from .completed_depth import completed
 from .joint_upsampling import upsampled
 from .matte import opacity_over, outlined
 from .multi_view_stereo import DenseDepth, Moving
 from .source import NO_PICTURE, DepthSource, PixelDepth
+from .sparse import DepthSamples
 from .temporal_fusion import TemporalFusion
 
 ORIGIN = "the clip's dense depth"
@@ -19,40 +21,53 @@ ORIGIN = "the clip's dense depth"
 
 @dataclass(frozen=True)
 class StereoDepth(DepthSource):
-    """Depth of every frame with a camera, found where it is not kept. Errors as of `TemporalFusion.at`."""
+    """Depth of every frame with a camera, found where it is not kept, with maps for unsure pixels.
+
+    Errors as of `TemporalFusion.at` and of the maps.
+    """
 
     fusion: TemporalFusion
     better: TemporalFusion | None = None
     """Depth of a better quality, used where it is kept."""
     masks: Moving | None = None
     """Opacity of moving pixels by masks."""
+    maps: DepthSource | None = None
+    """Maps for unsure pixels, of all frames or some."""
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
         """Return the depth of all pixels of the canvas that shows `picture` (H, W, 4).
 
         With `NO_PICTURE` it has the size at which depth is found.
         """
-        return self.whole(self.found(frame), frame, canvas, picture)
+        depth, origin = self._with_map(self._better(frame) or self.fusion.at(frame))
+        mask = self.masks(frame) if self.masks and picture.size else None
+        found = whole_depth(depth, picture, None if mask is None else opacity_over(canvas, mask))
+        return replace(found, origin=origin)
 
     def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
         """Return `at` without a picture, for a frame whose depth was found before; else None."""
-        known = self.found_before(frame)
-        return None if known is None else whole_depth(known)
+        known = self._better(frame) or self.fusion.kept(frame)
+        return None if known is None else whole_depth(self._with_map(known)[0])
 
-    def found(self, frame: int) -> DenseDepth:
-        """Return the depth of a frame at the size that it is found at."""
-        better = self.better.kept(frame) if self.better else None
-        return better or self.fusion.at(frame)
+    def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
+        """Return the map's."""
+        return None if self.maps is None else self.maps.samples(frame, canvas)
 
-    def found_before(self, frame: int) -> DenseDepth | None:
-        """Return the kept depth of a frame; None without one."""
-        better = self.better.kept(frame) if self.better else None
-        return better or self.fusion.kept(frame)
+    def _better(self, frame: int) -> DenseDepth | None:
+        """The kept depth of a better quality."""
+        return self.better.kept(frame) if self.better else None
 
-    def whole(self, depth: DenseDepth, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
-        """Return the depth of a frame for all pixels of a canvas, as `at`."""
-        mask = self.masks(frame) if self.masks and picture.size else None
-        return whole_depth(depth, picture, None if mask is None else opacity_over(canvas, mask))
+    def _with_map(self, depth: DenseDepth) -> tuple[DenseDepth, str]:
+        """Depth completed by its frame's map, and where it comes from."""
+        given = None
+        if self.maps is not None:
+            given = self.maps.at(depth.frame, self.fusion.canvas(depth.frame), NO_PICTURE)
+        if given is None:
+            return depth, ORIGIN
+        shape = given.inverse_depth.astype(np.float32)
+        if shape.shape != depth.inverse_depth.shape:
+            shape = cv2.resize(shape, depth.inverse_depth.shape[::-1], interpolation=cv2.INTER_NEAREST)
+        return completed(depth, shape), f"{ORIGIN} and {given.origin}"
 
 
 class NoDepth(DepthSource):

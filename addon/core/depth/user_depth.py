@@ -158,8 +158,7 @@ class UserDepth(DepthSource):
 
 
 def _features(reconstruction: Reconstruction, frame: int) -> tuple[Floats, Floats]:
-    image, _ = reconstruction.image_at(frame)
-    canvas = reconstruction.canvas(image)
+    canvas = reconstruction.canvas(frame)
     found = frame_features(reconstruction, frame, canvas)
     return canvas.features_to_source(found.observed), found.inverse_depth
 

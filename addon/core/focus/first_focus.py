@@ -26,8 +26,7 @@ def first_place(reconstruction: Reconstruction, frame: int) -> Place | None:
 
     None where the frame shows too few features.
     """
-    image, _ = reconstruction.image_at(frame)
-    canvas = reconstruction.canvas(image)
+    canvas = reconstruction.canvas(frame)
     features = frame_features(reconstruction, frame, canvas)
     size = np.array([canvas.camera.width, canvas.camera.height])
     xy = canvas.features_to_source(features.observed) / size

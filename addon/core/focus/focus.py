@@ -183,8 +183,7 @@ def largest_discs(
     Returns:
         The diameter in front of the focal plane and the one behind it; 0 on a side without points.
     """
-    image, _ = reconstruction.image_at(frame)
-    canvas = reconstruction.canvas(image)
+    canvas = reconstruction.canvas(frame)
     features = frame_features(reconstruction, frame, canvas)
     if not len(features.points):
         return 0.0, 0.0
@@ -205,8 +204,7 @@ def sharp_distances(
 
 
 def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
-    image, _ = reconstruction.image_at(frame)
-    canvas = reconstruction.canvas(image)
+    canvas = reconstruction.canvas(frame)
     # First: where nothing is in focus a million points need not be looked at.
     lens = focus.lens(reconstruction, frame, canvas.pinhole, 1.0)
     features = frame_features(reconstruction, frame, canvas)

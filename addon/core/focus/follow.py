@@ -183,8 +183,7 @@ def _goes_on(step: Floats, before: Floats | None) -> bool:
 
 def _seen(clip: _Clip, frame: int, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Inverse depth (n,) at small pixels (n, 2) of a frame, and whether it moves by itself."""
-    image, _ = clip.reconstruction.image_at(frame)
-    canvas = clip.reconstruction.canvas(image)
+    canvas = clip.reconstruction.canvas(frame)
     camera = canvas.camera
     depth = clip.depth.at(frame, canvas, NO_PICTURE)
     if depth is None:

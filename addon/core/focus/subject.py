@@ -82,8 +82,7 @@ def inverse_depths(
         shown = mask(frame)
         if np.count_nonzero(shown) < LEAST_PIXELS:
             continue
-        image, _ = reconstruction.image_at(frame)
-        canvas = reconstruction.canvas(image)
+        canvas = reconstruction.canvas(frame)
         # Pixels of the outline may show the background.
         inner = cv2.erode(shown.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         rows, columns = np.nonzero(inner if np.count_nonzero(inner) >= LEAST_PIXELS else shown)

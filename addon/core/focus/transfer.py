@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.arrays import Floats
-from ..camera.canvas import Canvas
-from ..camera.reconstruction import Image, Reconstruction, seen_by
+from ..camera.reconstruction import Reconstruction, seen_by
 from ..depth.sparse import FrameFeatures, frame_features
 from .focus import FEWEST_IN_PLANE, Focus
 from .place import Place
@@ -53,7 +52,7 @@ def carry_focus(old: Reconstruction, new: Reconstruction, focus: Focus, frame: i
             if place is None:
                 continue
             if each not in features:
-                features[each] = frame_features(new, each, _canvas(new, each))
+                features[each] = frame_features(new, each, new.canvas(each))
             match = _match(features[each], new, each, place[0], place[1] / scale)
             found += [] if match is None or match in found else [match]
             break
@@ -77,7 +76,7 @@ def carry_place(old: Reconstruction, new: Reconstruction, place: Place) -> Place
         return replace(place, focus=focus, distance=distance, followed=followed)
     if place.xy is None or (place.world is None and not place.focus.points) or place.frame not in new.frames:
         return replace(place, focus=focus, distance=distance, world=None)
-    image, canvas = _image(new, place.frame), _canvas(new, place.frame)
+    image, canvas = new.image_at(place.frame)[0], new.canvas(place.frame)
     click = np.array([place.xy]) * [canvas.camera.width, canvas.camera.height]
     pinhole = canvas.pinhole
     ray = (canvas.features_from_source(click)[0] - pinhole.principal_point) / pinhole.focal
@@ -87,17 +86,17 @@ def carry_place(old: Reconstruction, new: Reconstruction, place: Place) -> Place
 
 def depth_ratio(old: Reconstruction, new: Reconstruction, frame: int) -> float:
     """Return the number of new units in one unit of the old solve, by the depths of a common frame."""
-    ones, others = (frame_features(each, frame, _canvas(each, frame)) for each in (old, new))
+    ones, others = (frame_features(each, frame, each.canvas(frame)) for each in (old, new))
     if not (len(ones.points) and len(others.points)):
         return 1.0
-    place = _canvas(new, frame).features_to_source(others.observed)
+    place = new.canvas(frame).features_to_source(others.observed)
     ratios = []
     for xy, inverse in zip(
-        _canvas(old, frame).features_to_source(ones.observed), ones.inverse_depth, strict=True
+        old.canvas(frame).features_to_source(ones.observed), ones.inverse_depth, strict=True
     ):
         away = np.linalg.norm(place - xy, axis=1)
         closest = int(np.argmin(away))
-        if away[closest] < SAME * _width(new, frame):
+        if away[closest] < SAME * new.canvas(frame).camera.width:
             ratios.append(inverse / others.inverse_depth[closest])
     if len(ratios) >= ENOUGH:
         return float(np.median(ratios))
@@ -106,7 +105,7 @@ def depth_ratio(old: Reconstruction, new: Reconstruction, frame: int) -> float:
 
 def _place(old: Reconstruction, frame: int, point: int) -> tuple[Floats, float] | None:
     """(2,) pixels of the source frame where a point was tracked, and its inverse depth; else None."""
-    image = _image(old, frame)
+    image, _ = old.image_at(frame)
     row = np.flatnonzero(image.points == point)
     local, ahead = seen_by(image, old, np.array([point], np.int32))
     if not (len(row) and ahead[0]):
@@ -118,21 +117,9 @@ def _match(
     features: FrameFeatures, new: Reconstruction, frame: int, place: Floats, inverse_depth: float
 ) -> int | None:
     """The point of the feature nearest to a place (2,) in pixels, of those of about that inverse depth."""
-    away = np.linalg.norm(_canvas(new, frame).features_to_source(features.observed) - place, axis=1)
+    away = np.linalg.norm(new.canvas(frame).features_to_source(features.observed) - place, axis=1)
     like = np.abs(features.inverse_depth - inverse_depth) < UNLIKE * inverse_depth
     away[~like] = np.inf
-    if not len(away) or away.min() > NEAR * _width(new, frame):
+    if not len(away) or away.min() > NEAR * new.canvas(frame).camera.width:
         return None
     return int(features.points[np.argmin(away)])
-
-
-def _image(reconstruction: Reconstruction, frame: int) -> Image:
-    return reconstruction.image_at(frame)[0]
-
-
-def _canvas(reconstruction: Reconstruction, frame: int) -> Canvas:
-    return reconstruction.canvas(_image(reconstruction, frame))
-
-
-def _width(reconstruction: Reconstruction, frame: int) -> int:
-    return reconstruction.intrinsics(_image(reconstruction, frame)).width

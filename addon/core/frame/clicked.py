@@ -69,11 +69,13 @@ def _new_subject(
     # Rounded like the strokes in a .blend, as their key identifies results.
     at = float(np.float32(x)), float(np.float32(y))
     new = MarkedSubject(name, (Stroke(frame, (at,)),))
-    mask = clip.carried(new).mask(frame)
-    if not _is_subject(mask, clip.carried(new).strokes_in(frame)[0]):
+    mask = clip.parts.subjects.carried(new).mask(frame)
+    click = clip.parts.subjects.carried(new).strokes_in(frame)[0]
+    # It has to be larger than the click, and smaller than a background.
+    if np.count_nonzero(mask & ~click) < LEAST or mask.mean() > LARGEST:
         return None
     seen(mask)
-    for known in clip.every_subject:
+    for known in clip.parts.every_subject:
         if overlap_of(mask, known.mask(frame)) >= SAME_PERSON:
             # The click was beside its outline.
             return replace(clip.subject_place(known.name, frame), xy=(x, y))
@@ -81,13 +83,8 @@ def _new_subject(
     frames = sorted(map(int, clip.reconstruction.frames), key=lambda other: abs(other - frame))
     for number, other in enumerate(frames):
         with part(number, len(frames)):
-            marked.subject(name, other)
+            marked.parts.named(name).mask(other)
     return replace(marked.subject_place(name, frame), xy=(x, y), marks=new)
-
-
-def _is_subject(mask: Mask, click: Mask) -> bool:
-    """Return whether a mask (h, w) is larger than the click (h, w) and smaller than a background."""
-    return bool(np.count_nonzero(mask & ~click) >= LEAST and mask.mean() <= LARGEST)
 
 
 def _is_masked(clip: ClipContext, frame: int, x: float, y: float) -> bool:

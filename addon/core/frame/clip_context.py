@@ -17,7 +17,6 @@ from ..base.store import NOT_KEPT, Store, numbers
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..camera.steady_path import SteadyPath, steady_path
-from ..depth.completed_depth import CompletedDepth
 from ..depth.flat_scene import EstimatedDepth
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving, PlaneSweepStereo
@@ -32,7 +31,6 @@ from ..media.fixed_area import FixedArea, nothing_fixed
 from ..media.light import to_linear
 from ..media.noise import NUMBERS, Noise, measured
 from ..media.picture_file import Pixels
-from ..subjects.carried import CarriedSubject
 from ..subjects.clip_subjects import ClipSubject, ClipSubjects
 from ..subjects.strokes import MarkedSubject
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
@@ -115,34 +113,13 @@ class ClipContext:
                 self._fixed,
             )  # fmt: skip
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
-        store = self._store_of(quality)
         single_frame = PlaneSweepStereo(
-            self.reconstruction, self.scene, quality.stereo_side, self.moving, self.masks or _nothing,
-            self.matcher, self._fixed,
+            self.reconstruction, self.scene, quality.stereo_side, self.parts.mask,
+            self.masks or (lambda frame: None), self.matcher, self._fixed,
         )  # fmt: skip
-        return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion, self._parts.placed)
-
-    def moving(self, frame: int) -> Mask | None:
-        """Return the moving pixels of a frame; see `MovingParts.mask`."""
-        return self._parts.mask(frame)
-
-    def subject(self, name: str, frame: int) -> Mask:
-        """Return a subject's mask (h, w) in a source frame, at any size; UserError for an unknown name."""
-        return self._parts.named(name).mask(frame)
-
-    @property
-    def every_subject(self) -> list[ClipSubject]:
-        """The marked subjects, and the people and other moving objects that are not among them."""
-        return self._parts.every_subject
-
-    @property
-    def people(self) -> list[ClipSubject]:
-        """The people of the clip that no marked subject covers."""
-        return self._parts.people
-
-    def carried(self, marked: MarkedSubject) -> CarriedSubject:
-        """Return a marked subject tracked through the clip; its result is remembered."""
-        return self._subjects.carried(marked)
+        return TemporalFusion(
+            self.reconstruction, single_frame, self.store(quality), quality.fusion, self.parts.placed
+        )
 
     def prepare_subject(self, frame: int) -> dict[str, Mask]:
         """Read and load the data for a stroke in a frame in advance.
@@ -153,7 +130,7 @@ class ClipContext:
         self._subjects.prepare(frame)
         if not self._subjects.knows_people:
             return {}
-        return {person.name: person.mask(frame) for person in self.people}
+        return {person.name: person.mask(frame) for person in self.parts.people}
 
     @cached_property
     def carried_places(self) -> CarriedPlaces:
@@ -161,7 +138,8 @@ class ClipContext:
         return CarriedPlaces(self._subjects.pictures)
 
     @cached_property
-    def _parts(self) -> MovingParts:
+    def parts(self) -> MovingParts:
+        """The moving parts of the clip: its subjects, and what the masks show."""
         return MovingParts(
             self.reconstruction, self.scene, self._subjects, self.marked, self.masks, self.matcher,
             self.maps is not None, self._fixed,
@@ -170,11 +148,6 @@ class ClipContext:
     @cached_property
     def _subjects(self) -> ClipSubjects:
         return self.known_subjects or ClipSubjects(self.reconstruction, self.scene, fixed=self._fixed)
-
-    @remembered()
-    def _store_of(self, quality: Quality) -> Store:
-        """Return the only store of a quality, as each counts its own bytes."""
-        return self.store(quality)
 
     def picture(self, frame: int, highlights: HighlightSettings) -> LinearRGBA:
         """Return a frame in linear light (H, W, 4), with restored highlights.
@@ -255,15 +228,14 @@ class ClipContext:
         if self.reconstruction.stays:
             return FirstKnown((*given, self._estimated if maps is None else maps, NoDepth(), sparse))
         better = self.stereo_of(quality.better) if quality.better else None
-        stereo = StereoDepth(
-            self.stereo_of(quality), better, self._parts.opacity if quality.finds_subjects else self._masked
-        )
-        return FirstKnown((*given, stereo if maps is None else CompletedDepth(stereo, maps), sparse))
+        opacity = self.parts.opacity if quality.finds_subjects else self.masks
+        stereo = StereoDepth(self.stereo_of(quality), better, opacity, maps)
+        return FirstKnown((*given, stereo, sparse))
 
     @cached_property
     def _estimated(self) -> EstimatedDepth:
         """Depth of a static camera's scene."""
-        parts = self._parts
+        parts = self.parts
         return EstimatedDepth(self.reconstruction, lambda: parts.scene, parts.placed, parts.opacity)
 
     def has_depth(self, frame: int, quality: Quality) -> bool:
@@ -272,8 +244,7 @@ class ClipContext:
 
     def canvas(self, frame: int) -> Canvas:
         """Return the canvas of a frame at the clip's size."""
-        image, _ = self.reconstruction.image_at(frame)
-        return self.reconstruction.canvas(image)
+        return self.reconstruction.canvas(frame)
 
     def places(
         self,
@@ -292,7 +263,7 @@ class ClipContext:
 
     def subject_at(self, frame: int, x: float, y: float) -> ClipSubject | None:
         """Return the subject at fractions x, y of a frame's picture, or None."""
-        return self._parts.at(frame, x, y) if self.may_focus_on_subjects else None
+        return self.parts.at(frame, x, y) if self.may_focus_on_subjects else None
 
     def _place_on_subject(self, frame: int, x: float, y: float) -> Place | None:
         """Focus on the whole subject at a position in a frame; None without one."""
@@ -304,18 +275,15 @@ class ClipContext:
         return replace(place, subject="face") if is_face else place
 
     def subject_place(self, name: str, frame: int) -> Place:
-        """Focus on a subject and follow it through the clip; raises UserError like `subject`."""
-        return self._focus_on(self._parts.named(name), frame)
+        """Focus on a subject and follow it through the clip; raises UserError for an unknown name."""
+        return self._focus_on(self.parts.named(name), frame)
 
     def _focus_on(self, subject: ClipSubject, frame: int) -> Place:
         subject.mask(frame)
         source = self.reconstruction, self.depth_source(), subject.mask, frame, subject.name
         is_given = self.given_depth is not None or self.maps is not None
-        place = subject_place(*source, *(() if is_given else (self._parts.distance(subject).inverse_depth,)))
+        place = subject_place(*source, *(() if is_given else (self.parts.distance(subject).inverse_depth,)))
         return replace(place, subject=subject.kind or subject.name)
-
-    def _masked(self, frame: int) -> Map | Mask | None:
-        return self.masks(frame) if self.masks else None
 
     def depth(self, frame: int, canvas: Canvas, picture: LinearRGBA, quality: Quality = NORMAL) -> PixelDepth:
         """Return the depth of all pixels of a frame's canvas, which shows the picture (H, W, 4).
@@ -371,7 +339,7 @@ class ClipContext:
 
     def _foreign(self, frame: int) -> Mask | None:
         """Return the pixels (h, w) of a source frame that do not show the static scene."""
-        moving, fixed = self.moving(frame), self._fixed()
+        moving, fixed = self.parts.mask(frame), self._fixed()
         if moving is None or fixed is None:
             return fixed if moving is None else moving
         size = fixed.shape[1], fixed.shape[0]
@@ -383,10 +351,6 @@ class ClipContext:
         found = self.depth_source().samples(frame, canvas)
         assert found is not None  # Feature points come last.
         return found
-
-
-def _nothing(frame: int) -> None:
-    """Return None, an unknown mask."""
 
 
 def no_picture(frame: int) -> Pixels:

@@ -42,27 +42,15 @@ class Drawing:
         return self.source.shape[1], self.source.shape[0]
 
 
-def _same_frame(geometry: FrameGeometry) -> FrameGeometry:
-    return geometry
-
-
-def _same_mean(mean: LinearRGBA, warped: WarpedFrame) -> LinearRGBA:
-    return mean
-
-
-def _same_picture(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
-    return picture
-
-
 @dataclass(frozen=True)
 class Effect:
     """The parts of an effect, each of which may be missing."""
 
-    before: Callable[[FrameGeometry], FrameGeometry] = _same_frame
+    before: Callable[[FrameGeometry], FrameGeometry] = lambda geometry: geometry
     """Changes a frame before its mesh is made."""
-    on_mean: Callable[[LinearRGBA, WarpedFrame], LinearRGBA] = _same_mean
+    on_mean: Callable[[LinearRGBA, WarpedFrame], LinearRGBA] = lambda mean, warped: mean
     """Changes the mean of its views (h, w, 4) in its canvas."""
-    after: Callable[[LinearRGBA, Drawing], LinearRGBA] = _same_picture
+    after: Callable[[LinearRGBA, Drawing], LinearRGBA] = lambda picture, drawing: picture
     """Changes its picture (H, W, 4) in the geometry of the source."""
 
 

@@ -37,9 +37,9 @@ def nearest_subject(clip: ClipContext, networks: Networks | None = None) -> Plac
     """
     if not clip.may_focus_on_subjects:
         return None
-    kind, least, subjects = "person", SMALLEST, clip.people
+    kind, least, subjects = "person", SMALLEST, clip.parts.people
     if not subjects:
-        kind, least, subjects = "moving object", SMALLEST_OBJECT, clip.every_subject
+        kind, least, subjects = "moving object", SMALLEST_OBJECT, clip.parts.every_subject
     for frame in map(int, clip.reconstruction.frames if subjects else ()):
         shown = [subject for subject in subjects if subject.mask(frame).mean() >= least]
         if not shown:
@@ -72,7 +72,7 @@ def scale_by_people(clip: ClipContext) -> float | None:
     """
     found = []
     frames = sampled([int(frame) for frame in clip.reconstruction.frames])
-    for person in clip.people if clip.may_focus_on_subjects else ():
+    for person in clip.parts.people if clip.may_focus_on_subjects else ():
         followed = clip.subject_place(person.name, frames[0]).followed
         for frame in frames:
             if (share := height_of(person.mask(frame))) is not None:

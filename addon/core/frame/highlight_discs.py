@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
+from ..base.nearest_fill import of_nearest
 from ..base.progress import checkpoint
 from ..optics.aberrations import scattered
 from ..optics.aperture import RED_AND_BLUE, SUBSAMPLES, Aperture
@@ -196,7 +197,10 @@ class HighlightDiscs:
             discs = np.concatenate([_filtered(part, cut, reach) for part, cut in parts])
         else:
             # Parts are channels to OpenCV, which limits their number.
-            discs = np.concatenate([_filtered(some, kernel, reach) for some in _few(light)])
+            some = CHANNELS // 3
+            discs = np.concatenate(
+                [_filtered(light[at : at + some], kernel, reach) for at in range(0, len(light), some)]
+            )
         if not len(steps):
             return discs, begin
         number, row, column = np.nonzero(brightest(discs) > 0)
@@ -234,11 +238,6 @@ def _as_seen(one: SmallHighlight, steadied: Steadied) -> SmallHighlight:
     # Resampling keeps the sum of the light, not its brightness.
     light = light * np.float32(zoom**2 * one.light.sum() / max(float(light.sum()), 1e-30))
     return SmallHighlight((int(corner[1]), int(corner[0])), np.asarray(light, np.float32), displacement)
-
-
-def _few(light: LinearRGB) -> list[LinearRGB]:
-    """Split patches (n, h, w, 3) into groups that fit OpenCV's channels."""
-    return [light[first : first + CHANNELS // 3] for first in range(0, len(light), CHANNELS // 3)]
 
 
 def _filtered(light: LinearRGB, kernel: Map, reach: list[int]) -> LinearRGB:
@@ -389,11 +388,7 @@ def _around(stats: Ints, reach: int) -> tuple[slice, slice]:
 
 def _nearest_of(label: Ints, highlights: Mask, displacement: Map, shift: Floats) -> Ints:
     """(H, W) labels of highlights, grown by `RIM` pixels at the same displacement (H, W); 0 elsewhere."""
-    distance, nearest = cv2.distanceTransformWithLabels(
-        (~highlights).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    renamed = np.zeros(int(nearest.max()) + 1, np.int32)
-    renamed[nearest[highlights]] = label[highlights]
-    own = np.where(distance <= RIM, renamed[nearest], 0)
+    own, distance = of_nearest(label, highlights)
+    own = np.where(distance <= RIM, own, 0)
     beside = np.abs(displacement - shift[own]) > np.maximum(NEARER, np.abs(shift[own]) / 8)
     return np.where(highlights | ((label == 0) & ~beside), own, 0)

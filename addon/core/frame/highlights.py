@@ -130,8 +130,11 @@ class ClipHighlights:
             # Photos differ in exposure: a light source has the brightness in its own photo.
             return []
         step = stride(self._rec, SOURCE_STEP, FEWEST_SOURCES)
+        frames = self._rec.frames
+        # Mean number of frames between registered ones.
+        pace = float(frames[-1] - frames[0]) / max(len(frames) - 1, 1)
         around = [
-            (other, 1 - abs(other.frame - here.frame) / (1 + SPAN * _pace(self._rec)))
+            (other, 1 - abs(other.frame - here.frame) / (1 + SPAN * pace))
             for other in every_nth(self._rec, here.frame, step, SPAN)
         ]
         return [(other, weight) for other, weight in around if weight > 0]
@@ -232,9 +235,3 @@ def _rays(camera: Intrinsics, xy: Floats) -> Floats:
     """Return (n, 2) x and y at unit depth of the rays through pixels (n, 2)."""
     rays = (xy - camera.principal_point) / camera.focal
     return camera.undistort(rays) if camera.is_distorted else rays
-
-
-def _pace(reconstruction: Reconstruction) -> float:
-    """Return the mean number of frames between registered frames."""
-    frames = reconstruction.frames
-    return float(frames[-1] - frames[0]) / max(len(frames) - 1, 1)

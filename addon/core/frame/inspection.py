@@ -201,18 +201,15 @@ def _depth(inverse: Floats) -> Shown:
     return np.where(known[..., None], colour, 0).astype(np.uint8)
 
 
-def surface_of(warped: WarpedFrame) -> NDArray[np.intp]:
-    """Return (V,) surface numbers of the vertices of a mesh of layers, 0 for the nearest."""
-    height = warped.texture.shape[0] / (len(warped.layers) + 1)
-    return np.asarray(warped.plan.mesh.texture_xy[:, 1] // height, np.intp)
-
-
 def opaque_triangles(warped: WarpedFrame) -> int:
     """Return the number of opaque triangles of a frame's mesh, which are the first."""
     mesh = warped.plan.mesh
     if not warped.layers:
         return len(mesh.triangles)
-    return int(np.count_nonzero(surface_of(warped)[mesh.triangles[:, 0]] == len(warped.layers)))
+    # Those of the farthest surface, whose rows are the last of the texture.
+    row = mesh.texture_xy[mesh.triangles[:, 0], 1]
+    height = warped.texture.shape[0] / (len(warped.layers) + 1)
+    return int(np.count_nonzero(row // height == len(warped.layers)))
 
 
 def _sources(shares: LinearRGBA, frame: Shown) -> Shown:

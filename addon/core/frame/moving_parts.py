@@ -25,8 +25,7 @@ from ..subjects.clip_subjects import ClipSubject, ClipSubjects, united
 from ..subjects.distance import SubjectDistance
 from ..subjects.masked_objects import MaskedObjects
 from ..subjects.matte import matte
-from ..subjects.networks import Build
-from ..subjects.people import build_of, sampled
+from ..subjects.people import sampled
 from ..subjects.pictures import displayed
 from ..subjects.standing import Standing
 from ..subjects.static_depth import StaticDepth
@@ -119,14 +118,10 @@ class MovingParts:
         pictures = self.subjects.pictures
         if self.reconstruction.stays:
             return SubjectDistance(pictures, mask, partial(self.inverse_depths, mask), store=store, name=name)
-        ground = Standing(self.static, self._known, self._build)
+        ground = Standing(self.static, self._known)
         return SubjectDistance(
             pictures, mask, partial(ground.inverse_depths, mask), partial(ground.bounds, mask), store, name
         )
-
-    def _build(self, frame: int, mask: Mask) -> Build | None:
-        """The build of a person in a frame."""
-        return build_of(self.subjects.networks, self.subjects.pictures.picture(frame), mask)
 
     @cached_property
     def _masked(self) -> list[Subject]:

@@ -37,7 +37,7 @@ def nearest_person(clip: ClipContext, frame: int, repairs: Sequence[Repair] = ()
     Raises:
         UserError: The clip shows no person, or a frame cannot be read.
     """
-    people = clip.people if clip.may_focus_on_subjects else []
+    people = clip.parts.people if clip.may_focus_on_subjects else []
     if not people:
         raise UserError("no person was found in the clip; pick what should be in focus, or mark a subject")
     frames = [int(each) for each in clip.reconstruction.frames]

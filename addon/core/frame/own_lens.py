@@ -155,8 +155,7 @@ def _estimated(reconstruction: Reconstruction, read: Callable[[int], Pixels]) ->
 
 def _edges(reconstruction: Reconstruction, read: Callable[[int], Pixels], frame: int) -> Floats:
     """Return (n, 3) frame, inverse depth and blur variance in pixels^2 of features' steepest edges."""
-    image, _ = reconstruction.image_at(frame)
-    canvas = reconstruction.canvas(image)
+    canvas = reconstruction.canvas(frame)
     features = frame_features(reconstruction, frame, canvas)
     light = to_linear(read(frame))[..., :3].mean(axis=2)
     smaller = min(1.0, LONGEST / max(light.shape))

@@ -88,7 +88,7 @@ def repaired_subject(clip: ClipContext, name: str, frame: int, repairs: Sequence
     Raises:
         UserError: As of `ClipContext.subject_place`.
     """
-    place, mask = clip.subject_place(name, frame), partial(clip.subject, name)
+    place, mask = clip.subject_place(name, frame), clip.parts.named(name).mask
     kept = tuple(each for each in repairs if each.kind != "sharp")
     if not kept:
         return place

@@ -16,7 +16,7 @@ from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.regular_file import read_regular
 from ..camera.canvas import Canvas
-from ..depth.matte import opacity_over
+from ..depth.matte import around, opacity_over
 from ..depth.source import PixelDepth
 from ..media.light import encode_srgb
 from ..optics.thin_lens import ThinLens
@@ -245,11 +245,7 @@ def _snapped(region: Map, picture: LinearRGBA, radius: float) -> Mask:
     """The region (H, W) with its outline moved to edges of the picture (Bai et al., 2009)."""
     painted = region > 0.5
     reach = max(round(radius), 1)
-    left, top, width, height = cv2.boundingRect(painted.astype(np.uint8))
-    part = np.s_[
-        max(top - 3 * reach, 0) : top + height + 3 * reach,
-        max(left - 3 * reach, 0) : left + width + 3 * reach,
-    ]
+    part = around(painted, 3 * reach)
     own = painted[part].astype(np.uint8)
     if not own.any() or own.all():
         return np.asarray(painted)

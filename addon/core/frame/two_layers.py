@@ -5,10 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from ..base.arrays import LinearRGBA, Map, Mask, pixel_centres
+from ..base.arrays import LinearRGBA, Map, pixel_centres
 from ..base.errors import UserError
 from ..optics.thin_lens import ThinLens
-from ..warp.layered_depth_image import LayeredDepthImage
 from .clip_context import ClipContext
 from .frame_path import mesh_frame
 from .passes import distances, in_source
@@ -69,7 +68,7 @@ def layers_of(meshed: MeshedFrame) -> TwoLayers:
     behind = np.zeros_like(shift)
     # The first split has the largest silhouettes: it comes last.
     for split in reversed(splits):
-        at = _two_surfaces(split)[own]
+        at = (split.occluded | split.mixed)[own]
         front[at], shift[at] = split.front[own][at], split.front_disparity[own][at]
         hidden[at], behind[at] = split.back[own][at], split.back_disparity[own][at]
     depth = partial(_inverse_depth, geometry.lens)
@@ -79,11 +78,6 @@ def layers_of(meshed: MeshedFrame) -> TwoLayers:
         canvas.to_source(front), distances(in_source(depth(shift), canvas)),
         canvas.to_source(hidden), distances(in_source(back, canvas)),
     )  # fmt: skip
-
-
-def _two_surfaces(split: LayeredDepthImage) -> Mask:
-    """Return the (H, W) pixels in which a split has one surface behind another."""
-    return split.occluded | split.mixed
 
 
 def _inverse_depth(lens: ThinLens, disparity: Map) -> Map:

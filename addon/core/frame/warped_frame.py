@@ -56,13 +56,6 @@ class WarpedFrame:
     """The camera's lens, if its blur was taken from that of the layers."""
 
 
-def check_settings(settings: FrameOptions) -> None:
-    """Raise UserError for an invalid aperture, number of views or method."""
-    if not (np.isfinite(settings.radius) and settings.radius > 0):
-        raise UserError(f"the aperture radius is {settings.radius:g}; it must be greater than zero")
-    check_options(settings)
-
-
 @dataclass(frozen=True)
 class MeshedFrame:
     """A frame's mesh and texture before the number of views is known."""
@@ -199,29 +192,27 @@ def frame_geometry(
     source: LinearRGBA = NO_PICTURE,
 ) -> FrameGeometry:
     """Collect the data of a frame before its depth; raises UserError for a lens that does not fit it."""
-    check_settings(settings)
+    if not (np.isfinite(settings.radius) and settings.radius > 0):
+        raise UserError(f"the aperture radius is {settings.radius:g}; it must be greater than zero")
+    check_options(settings)
     reconstruction, mesher = clip.reconstruction, MESHERS[settings.method]
-    image, _ = reconstruction.image_at(frame)
-    canvas = reconstruction.canvas(image, size)
+    canvas = reconstruction.canvas(frame, size)
     if mesher.uses_given_depth:
         samples = clip.samples(frame, canvas)
     else:
         samples = frame_features(reconstruction, frame, canvas)
     lens = settings.focus.lens(reconstruction, frame, canvas.pinhole, settings.radius)
     lens = replace(lens.curved(settings.aperture.field_curvature), zone=settings.zone)
-    if lens.is_tilted and not mesher.takes_tilt:
-        raise UserError(
-            f"the method {settings.method} does not support a tilted focal plane; choose another one"
-        )
-    if settings.zone.is_active and not mesher.takes_tilt:
-        raise UserError(f"the method {settings.method} does not support an in-focus zone; choose another one")
-    bends = settings.aperture.field_curvature or settings.breathes
-    if bends and not mesher.takes_tilt:
-        raise UserError(
-            f"the method {settings.method} does not support field curvature or breathing; choose another one"
-        )
-    if settings.stabilize and not mesher.takes_tilt:
-        raise UserError(f"the method {settings.method} does not stabilize; choose another one")
+    wished = {
+        "support a tilted focal plane": lens.is_tilted,
+        "support an in-focus zone": settings.zone.is_active,
+        "support field curvature or breathing": settings.aperture.field_curvature or settings.breathes,
+        "stabilize": settings.stabilize,
+    }
+    if not mesher.takes_tilt and (
+        what := next((words for words, is_wished in wished.items() if is_wished), "")
+    ):
+        raise UserError(f"the method {settings.method} does not {what}; choose another one")
     samples = replace(samples, inverse_depth=lens.rectified(samples.inverse_depth, samples.observed))
     lens.check(frame, samples.inverse_depth)
     picture = canvas.from_source(source) if source.size else source

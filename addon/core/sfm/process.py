@@ -4,7 +4,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from ..base.atomic import collect_temporary
 from ..base.errors import Remedy, UserError
 from ..base.job import Job, end
 from ..base.messages import Progress, Seen
+from ..base.parcel import pack
 from ..camera.focal_length import Focal, in_pixels
 from ..depth.placed_points import placed
 from ..depth.user_maps import DepthMaps, open_depth
@@ -20,17 +21,15 @@ from ..media.clip_identity import identity
 from ..media.video import video_info
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
-from .mapping.known_cameras import thinned, write_cameras
+from .mapping.known_cameras import thinned
 from .mapping.report import STAYS
 from .staging import Staging
 from .state import MODEL
 from .tracking.tracker_pictures import Sight, decoded
 from .workspace import check_import, check_replaceable, imported_from, is_solved
 
-CAMERAS = "cameras.json"
-"""In the folder of a solve, the cameras that are held."""
-CLOUD = "cloud"
-"""In that folder, points that were given with them and that no two frames see."""
+CAMERAS = "cameras"
+"""In the folder of a solve, the cameras that are held, and points that no two frames see."""
 END = 0.3
 """Seconds until the worker ends on its own: it has nothing to clean up, and the user waits."""
 LOOK = 0.05
@@ -140,7 +139,14 @@ class SolveProcess:
             check_replaceable(self.work_dir, self.clip)
             return False
         solved = is_solved(self.work_dir, self.clip, self._options)
-        _refuse_import(self.work_dir)
+        # Another program's cameras may have cost more than a solve, and are not thrown away unasked.
+        if imported := imported_from(self.work_dir):
+            raise UserError(
+                f"{self.work_dir} holds an imported solve ({imported}); keep using it, choose another folder,"
+                " or replace it",
+                Remedy.WORK_DIR,
+                Remedy.AGAIN,
+            )
         return solved
 
     def _launch(self, folder: Path) -> None:
@@ -155,15 +161,12 @@ class SolveProcess:
             "may_stay": self._maps is not None,
             "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
             "cameras": None,
-            "cloud": None,
         }
         if (held := self._cameras) is not None:
-            write_cameras(folder / CAMERAS, held.reconstruction)
-            job |= {"cameras": CAMERAS, "format": held.format, "notes": held.notes, "placed": held.placed}
             if len(held.reconstruction.points):
-                (folder / CLOUD).mkdir()
-                write_model(folder / CLOUD, thinned(held.reconstruction))
-                job["cloud"] = CLOUD
+                held = replace(held, reconstruction=thinned(held.reconstruction))
+            (folder / CAMERAS).write_bytes(pack(held))
+            job["cameras"] = CAMERAS
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
         self._job.start([*self._command(), str(folder / "job.json")], self._yields, environment())
 
@@ -225,18 +228,6 @@ class SolveProcess:
             self._staging = None
             # The worker's own, where it was ended.
             collect_temporary()
-
-
-def _refuse_import(work_dir: Path) -> None:
-    # Another program's cameras may have cost more than a solve, and are not thrown away unasked.
-    imported = imported_from(work_dir)
-    if imported:
-        raise UserError(
-            f"{work_dir} holds an imported solve ({imported}); keep using it, choose another folder, or"
-            " replace it",
-            Remedy.WORK_DIR,
-            Remedy.AGAIN,
-        )
 
 
 def python_command(module: str) -> list[str]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..base.errors import Remedy, UserError
 from ..base.folder_lock import FolderLock
 from ..base.messages import Failure, Progress, Result, send, speak
+from ..base.parcel import unpack
 from ..camera.focal_length import from_equivalent, is_plausible
 from ..camera.reconstruction import Reconstruction, upright
 from ..media import picture_file
@@ -26,10 +27,10 @@ from ..media.container import equivalent_focal
 from ..media.exif import photo_data
 from ..media.fixed_area import fixed_area
 from ..media.video_info import VideoInfo
-from ..readers.colmap_export import read_model, write_model
+from ..readers.colmap_export import write_model
+from ..readers.matching import Imported
 from .calibration import lens
 from .mapping import known_poses
-from .mapping.known_cameras import read_cameras
 from .mapping.report import STAYS
 from .mapping.visibility import visible_points
 from .tracking.degeneracy import StaysError, check_motion, refuse_cuts
@@ -280,18 +281,19 @@ def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, may_stay: boo
 
 def _held(job: dict[str, Any], tracks: Tracks, folder: Path) -> _Found:
     """Points before cameras that another program found."""
-    said = {"focal_from": "file", "method": job["format"], "notes": list(job["notes"])}
+    held: Imported = unpack((folder / job["cameras"]).read_bytes())
+    said: dict[str, Any] = {"focal_from": "file", "method": held.format, "notes": list(held.notes)}
     try:
-        known = known_poses.triangulate(read_cameras(folder / job["cameras"]), tracks, _progress)
+        known = known_poses.triangulate(held.reconstruction, tracks, _progress)
     except known_poses.NoDepthError:
-        if job["cloud"] is None:
+        if not len(held.reconstruction.points):
             raise
         said["notes"].append(POINTS_TAKEN)
         said["observed"] = False
-        return _Found(upright(read_model(folder / job["cloud"])), said)
+        return _Found(upright(held.reconstruction), said)
     said |= {"explained": known.explained, "camera_miss": known.miss}
     said["notes"].append(POINTS_FOUND.format(miss=known.miss * max(tracks.width, tracks.height) / 1000))
-    return _Found(known.reconstruction if job["placed"] else upright(known.reconstruction), said)
+    return _Found(known.reconstruction if held.placed else upright(known.reconstruction), said)
 
 
 def _metadata_focal(footage: Footage) -> float | None:
@@ -332,7 +334,7 @@ def _end_alone(folder: Path) -> None:
     while folder.exists():
         shutil.rmtree(folder, ignore_errors=True)
     # The lock ends with its owner, its file does not. Our pipe may be closed a moment before the lock is, and
-    # Another process that solves there already keeps it.
+    # another process that solves there keeps it already.
     until = time.monotonic() + PATIENCE
     while time.monotonic() < until:
         with contextlib.suppress(UserError, OSError):

@@ -202,7 +202,12 @@ class PeopleOfClip:
         found = list[Track]()
         while waiting and len(found) < MOST_PEOPLE:
             found.append(Track(self.pictures, self.networks, waiting[0][0], self._first(*waiting[0])))
-            waiting = [each for each in waiting[1:] if not self._is(found[-1], *each)]
+            # Those who are not followed already.
+            waiting = [
+                (frame, person)
+                for frame, person in waiting[1:]
+                if overlap_of(person.mask, found[-1].cut(frame).mask) < SAME_PERSON
+            ]
         return found
 
     def _first(self, frame: int, person: Person) -> Cut:
@@ -216,11 +221,6 @@ class PeopleOfClip:
         # In steps of 1 / 255, as in the kept file: found and kept people are equal to the bit.
         share = np.rint(255 * share).astype(np.float32) / np.float32(255)
         return Cut.known(picture, share, trust)
-
-    @staticmethod
-    def _is(track: Track, frame: int, person: Person) -> bool:
-        """Return whether a person in a frame is followed already."""
-        return overlap_of(person.mask, track.cut(frame).mask) >= SAME_PERSON
 
     def mask(self, frame: int) -> Mask:
         """Return all of them (h, w) in a frame; errors as of `ClipPictures.picture`."""

@@ -51,14 +51,10 @@ class ClipSubject:
 
     def share(self, frame: int) -> Bytes:
         """Return its probability (h, w) in 255ths over a source frame."""
-
-        def decode(parts: Arrays) -> Bytes | None:
-            return parts["share"] if parts["share"].ndim == 2 else None
-
-        def encode(share: Bytes) -> Arrays:
-            return {"share": share}
-
-        entry = Entry(f"moving-{self.key}-{frame:06d}", ("share",), encode, decode)
+        entry = Entry[Bytes](
+            f"moving-{self.key}-{frame:06d}", ("share",), lambda share: {"share": share},
+            lambda parts: parts["share"] if parts["share"].ndim == 2 else None,
+        )  # fmt: skip
         return self.store.get(entry, lambda: np.rint(255 * self.cut(frame).share).astype(np.uint8))
 
     def mask(self, frame: int) -> Mask:

@@ -259,7 +259,7 @@ def _recognised_first(networks: Networks, picture: Bytes, expected: Mask, marked
         boxes = [Box.square(middle, side * long_side, expected.shape) for side in BOXES]
     for box in boxes:
         seen, settled = _recognised_from(networks, picture, expected, box)
-        if (trust := _trust(seen, marked) * settled) > 0.5:
+        if (trust := _within(float((seen > 0)[marked].mean())) * settled) > 0.5:
             break
     return seen, trust
 
@@ -275,11 +275,6 @@ def _recognised_from(networks: Networks, picture: Bytes, expected: Mask, box: Bo
     settled = _within(overlap(before, part))
     person = body(networks, picture, box, part, 0.3)
     return (found if person is None else np.asarray((found + 2 * person) / 2, np.float32)), settled
-
-
-def _trust(seen: Map, marked: Mask) -> float:
-    """In [0, 1] how far the networks recognise the subject under a stroke (h, w)."""
-    return _within(float((seen > 0)[marked].mean()))
 
 
 def _agreement(seen: Map, there: Mask) -> float:

@@ -15,7 +15,6 @@ from ..depth.ground_contact import HIDDEN
 from .cut import LEAST
 from .flow import change_of_size
 from .pictures import ClipPictures
-from .standing import Bounds
 
 CONTACTS = 12
 """Frames of a clip in which the place where a subject stands is looked for."""
@@ -38,8 +37,8 @@ class SubjectDistance:
     """The subject (h, w) in a frame, at the size of the pictures."""
     standing: Callable[[Sequence[int]], Mapping[int, float]]
     """Its inverse depth in 1 / scene units by its contact with the ground, for those frames that show it."""
-    bounds: Callable[[Sequence[int]], Bounds] = lambda frames: Bounds({}, {})
-    """The same of a subject that no frame shows to stand anywhere."""
+    bounds: Callable[[Sequence[int]], Mapping[int, float]] = lambda frames: {}
+    """Its least inverse depth by frame, for a subject that no frame shows to stand anywhere."""
     store: Store = NOT_KEPT
     """Storage of its sizes."""
     name: str = ""
@@ -90,9 +89,8 @@ class SubjectDistance:
 
         if found:
             return float(np.median(factors(found)))
-        bounds = self.bounds([frames[at] for at in looked_at])
-        both = (bounds.by_build, 0.5), (bounds.hidden, HIDDEN)
-        return max((float(np.quantile(factors(each), share)) for each, share in both if each), default=None)
+        bounds = factors(self.bounds([frames[at] for at in looked_at]))
+        return float(np.quantile(bounds, HIDDEN)) if bounds else None
 
 
 def _height(mask: Mask) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.arrays import Bytes, Ints, Map, Mask
 from ..base.errors import UserError
+from ..base.nearest_fill import of_nearest
 from ..base.store import LONGEST_SIDE, decoded, encoded
 from ..depth.source import FAINTEST
 from ..depth.subject_depth import connected
@@ -57,13 +58,9 @@ class MaskedObjects:
         mask, labels = self.mask(frame), self._labels(frame)
         if mask is None or not (labels == number).any():
             return np.zeros(self.size, bool)
-        _, nearest = cv2.distanceTransformWithLabels(
-            (labels == 0).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-        )
-        owner = np.zeros(int(nearest.max()) + 1, np.uint8)
-        owner[nearest[labels > 0]] = labels[labels > 0]
+        owner, _ = of_nearest(labels, labels > 0)
         size = mask.shape[::-1]
-        own = cv2.resize((owner[nearest] == number).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+        own = cv2.resize((owner == number).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
         return np.asarray((own > 0) & (np.asarray(mask, np.float32) > FAINTEST))
 
     @cached_property

@@ -89,22 +89,6 @@ class Region:
         return np.column_stack([turned, side / 2 - turned @ self.centre])
 
 
-UPPER = (*range(13), 23, 24)
-"""Landmarks of head, shoulders and hips: those that pictures of people show whose legs are cut off."""
-SHOULDERS = (11, 12)
-"""Landmarks of both shoulders."""
-
-
-@dataclass(frozen=True)
-class Build:
-    """How large a person is in a picture, and where; lengths are in shares of the picture's width."""
-
-    metre: float
-    """Length of a metre at the person."""
-    shoulders: Floats
-    """(2,) middle between the shoulders."""
-
-
 class Networks:
     """The networks, loaded when they are first used; several threads may use them, one at a time."""
 
@@ -165,36 +149,13 @@ class Networks:
             (h, w) float32 probability, 0 outside of the region, and the probability that a person is there.
         """
         turned = region.to_square(256)
-        _, presence, mask = self._posed(picture, turned)[:3]
+        square = cv2.warpAffine(picture, turned, (256, 256), flags=cv2.INTER_AREA)
+        _, presence, mask = self._run(BODY, _stretched(square, 256, 256))[:3]
         found = 1 / (1 + np.exp(-np.clip(mask.reshape(256, 256), -30, 30)))
         placed = cv2.warpAffine(
             found, turned, picture.shape[1::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         )
         return np.asarray(placed, np.float32), float(presence.item())
-
-    def build(self, picture: Bytes, region: Region, least: float) -> Build | None:
-        """Measure the person in a region of a picture (h, w, 3), uint8 RGB, by landmarks of the upper body.
-
-        The network gives them in the picture and in metres, whichever way the person is turned (Bazarevsky et
-        al., "BlazePose GHUM Holistic", 2022). None below the probability `least` of a person.
-        """
-        found, presence, _, _, world = self._posed(picture, region.to_square(256))
-        if presence.item() < least:
-            return None
-        at = found.reshape(-1, 5)[:, :2]
-        spread = [
-            np.linalg.norm(each - each.mean(axis=0))
-            for each in (at[[*UPPER]], world.reshape(-1, 3)[[*UPPER]])
-        ]
-        back = cv2.invertAffineTransform(region.to_square(256))
-        middle = back @ [*at[[*SHOULDERS]].mean(axis=0), 1.0]
-        width = picture.shape[1]
-        return Build(float(spread[0] / spread[1]) * region.side / 256 / width, middle / width)
-
-    def _posed(self, picture: Bytes, turned: Floats) -> tuple[NDArray[np.float32], ...]:
-        """Run the network of bodies on the part of a picture that a map (2, 3) brings to its input."""
-        square = cv2.warpAffine(picture, turned, (256, 256), flags=cv2.INTER_AREA)
-        return self._run(BODY, _stretched(square, 256, 256))
 
     def _detected(self, name: str, picture: Bytes, anchors: Anchors, least: float) -> list[Detection]:
         height, width = picture.shape[:2]

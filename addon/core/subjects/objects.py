@@ -39,17 +39,13 @@ class ObjectsOfClip:
         found = list[CarriedSubject]()
         while waiting and len(found) < MOST_OBJECTS:
             first = waiting.pop(max(range(len(waiting)), key=lambda number: len(waiting[number][1])))
-            subject = self.carried(_dots(*first))
+            frame, places = first
+            subject = self.carried(tuple(Stroke(frame, ((x, y),)) for x, y in places.tolist()))
             others = [each for each in waiting if _covered(subject.mask(each[0]), each[1]) < SAME_PERSON]
             if len(others) < len(waiting):
                 found.append(subject)
             waiting = others
         return found
-
-
-def _dots(frame: int, places: Floats) -> tuple[Stroke, ...]:
-    """Strokes of one place each, of places (n, 2) in a frame."""
-    return tuple(Stroke(frame, ((x, y),)) for x, y in places.tolist())
 
 
 def _covered(mask: Mask, places: Floats) -> float:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Map, Mask
-from .networks import Build, Networks, Region
+from .networks import Networks, Region
 from .odds import CROP, PERSON, PRESENCE, Box, overlap, silhouette
 
 AGREEMENT = 0.6
@@ -62,21 +62,6 @@ def bodies(networks: Networks, picture: Bytes) -> list[Map]:
     """Return the probability (h, w) of each detected body, of one network alone; arguments as of `people`."""
     found = (networks.body(picture, Region.of(each)) for each in networks.poses(picture, PERSON))
     return [share for share, there in found if there >= PRESENCE and (share > 0.5).mean() >= SMALLEST]
-
-
-def build_of(networks: Networks, picture: Bytes, person: Mask) -> Build | None:
-    """Measure the person of a mask (h, w) in a picture (h, w, 3), uint8 RGB; None if none is recognised."""
-    for pose in networks.poses(picture, PERSON) if networks.exist and person.any() else ():
-        found = networks.build(picture, Region.of(pose), PRESENCE)
-        column, row = (0, 0) if found is None else (found.shoulders * picture.shape[1]).astype(int)
-        if (
-            found is not None
-            and 0 <= row < len(person)
-            and 0 <= column < person.shape[1]
-            and person[row, column]
-        ):
-            return found
-    return None
 
 
 def sampled(frames: Sequence[int], count: int = SAMPLED) -> list[int]:

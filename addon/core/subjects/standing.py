@@ -10,7 +10,6 @@ from ..base.arrays import Floats, Map, Mask
 from ..base.progress import checkpoint
 from ..depth.ground_contact import HIDDEN, NEARER, Plane, beside, contact, ground_below, upright
 from ..depth.view_selection import relative_pose
-from .networks import Build
 from .static_depth import StaticDepth
 
 GROWN = 7
@@ -37,22 +36,6 @@ interquartile range of those heights, so that the contact counts instead of the 
 behind a man all, with 0.4: there the points are right."""
 
 
-SHOULDERS = 1.39
-"""Height of the shoulders of a standing adult of 1.7 m, in metres, 0.818 of the stature (Winter 2009)."""
-EYES = (0.3, 2.5)
-"""Heights of cameras above the ground, in metres, with which a person is taken to stand there."""
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Inverse depths of a subject without contact, in 1 / scene units by frame."""
-
-    hidden: Mapping[int, float]
-    """Least ones: the subject is nearer than the scene that it hides."""
-    by_build: Mapping[int, float]
-    """Those of a person by the size of the body, over a ground."""
-
-
 @dataclass(frozen=True)
 class Standing:
     """The depth of subjects by their contact with the ground, or by feature points on them.
@@ -64,8 +47,6 @@ class Standing:
     static: StaticDepth
     moving: Callable[[int], Mask]
     """All moving pixels (h, w) of a source frame, at any size."""
-    build: Callable[[int, Mask], Build | None] = lambda frame, mask: None
-    """Measures the person of a mask (h, w) over a source frame."""
 
     def inverse_depths(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """Estimate the median inverse depth of a subject.
@@ -92,34 +73,33 @@ class Standing:
         if points and not _is_off(points, found or {}):
             return points
         if found is None:
-            found = self._by_surface(masks, static)
+            beneath = {frame: self._beneath(frame, mask, static[frame]) for frame, mask in masks.items()}
+            found = {frame: inverse for frame, inverse in beneath.items() if inverse is not None}
         hidden = {frame: float(np.median(static[frame][masks[frame]])) for frame in found}
         return {frame: inverse for frame, inverse in found.items() if inverse >= hidden[frame]} or found
 
-    def bounds(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> Bounds:
+    def bounds(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """Bound the inverse depth of a subject without contact, such as one that the lower border cuts off.
 
-        It is nearer than the feature points that it hides, and than the ground at the border. Over a known
-        ground, the size of a person gives the distance: shoulders of this size at the height of an adult's
-        are at one place only. Arguments as of `inverse_depths`.
+        It is nearer than the feature points that it hides, and than the ground at the border. Arguments as of
+        `inverse_depths`.
+
+        Returns:
+            Least inverse depth in 1 / scene units by frame; frames that do not show the subject are left out.
         """
-        hidden, by_build = dict[int, float](), dict[int, float]()
-        masks = {frame: mask for frame in frames if (mask := self._shown(subject, frame)).any()}
+        found = dict[int, float]()
         own = [
             self.static.reconstruction.image_at(frame)[0].points[self._on(subject(frame), frame)]
             for frame in frames
         ]
         xyz = np.delete(self.static.reconstruction.points.xyz, np.unique(np.concatenate(own)), axis=0)
-        for frame, mask in masks.items():
-            static = self.static.inverse_depth(frame, self._left_out)
-            ground = self._ground(frame, mask, static)
-            behind = self._hidden(frame, mask, xyz), beside(mask, static, ~self._left_out(frame))
-            hidden[frame] = NEARER * max(behind)
-            found = None if ground is None else self.build(frame, subject(frame))
-            inverse = found and ground and self._by_build(frame, found, ground)
-            if inverse:
-                by_build[frame] = inverse
-        return Bounds(hidden, by_build)
+        for frame in frames:
+            mask = self._shown(subject, frame)
+            if mask.any():
+                static = self.static.inverse_depth(frame, self._left_out)
+                behind = self._hidden(frame, mask, xyz), beside(mask, static, ~self._left_out(frame))
+                found[frame] = NEARER * max(behind)
+        return found
 
     def _hidden(self, frame: int, mask: Mask, xyz: Floats) -> float:
         """The inverse depth that most points (n, 3) behind a subject (h, w) are below; 0 for too few."""
@@ -132,16 +112,6 @@ class Standing:
         inside[inside] = mask[row[inside], column[inside]]
         few = np.count_nonzero(inside) < LEAST_POINTS
         return 0.0 if few else float(np.quantile(1 / there[inside, 2], HIDDEN))
-
-    def _by_build(self, frame: int, build: Build, ground: Plane) -> float | None:
-        """The inverse depth of a person of a build, standing on a ground; None of one that does not stand."""
-        canvas = self.static.canvas(frame)
-        place = canvas.features_from_source(build.shoulders[None] * canvas.camera.width)[0]
-        away = canvas.pinhole.fx / (build.metre * canvas.camera.width)
-        up = ground.directions(0.0)[0]
-        eyes = SHOULDERS - away * float(canvas.pinhole.rays(place)[0] @ up)
-        low, high = EYES
-        return eyes * float(np.linalg.norm(ground.normal)) / away if low < eyes < high else None
 
     def _by_ground(self, masks: Mapping[int, Mask], static: Mapping[int, Map]) -> dict[int, float] | None:
         """The median inverse depth of a subject by the ground that it stands on; None without a plane."""
@@ -163,11 +133,6 @@ class Standing:
                 rays = pinhole.rays(np.column_stack([columns, rows]).astype(float) + 0.5)
                 found[frame] = float(np.median(upright(base, touch.column, 0.0, plane, rays)))
         return found
-
-    def _by_surface(self, masks: Mapping[int, Mask], static: Mapping[int, Map]) -> dict[int, float]:
-        """The median inverse depth of the static scene beneath a subject's feet."""
-        beneath = {frame: self._beneath(frame, mask, static[frame]) for frame, mask in masks.items()}
-        return {frame: inverse for frame, inverse in beneath.items() if inverse is not None}
 
     def _by_points(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """The median inverse depth of the feature points on a subject that stands still; else nothing."""

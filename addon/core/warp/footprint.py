@@ -9,13 +9,14 @@ mapping and image warping", 1989.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import compress, pairwise
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA, Map, Mask, repeated
+from ..base.nearest_fill import of_nearest
 from ..base.progress import checkpoint
 from ..base.side_by_side import side_by_side
 from .layered_depth_image import EXTRAPOLATION, LayeredDepthImage
@@ -71,18 +72,18 @@ def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: 
     buried = [(part, _buried(layer)) for part, layer in zip(parts, layers, strict=False)]
     # Tiles read their unblurred neighbours.
     spare = np.empty_like(parts[-1])
-    _filter(parts[-1], spare, finer, last, None, buried)
+    _Part(parts[-1], spare, finer, last, buried=buried).blur()
     parts[-1, ..., 3] = 1
     for part, layer in zip(parts, layers, strict=False):
         assert layer.drawn is not None
         kept = layer.drawn | _goes_on(layer)
         own = np.where(layer.drawn, radius(layer.drawn_disparity), 0).astype(np.float32)
-        _filter(part, spare, finer, own, kept, [])
+        _Part(part, spare, finer, own, kept).blur()
 
 
 def prefilter_alone(texture: LinearRGBA, radius: Map) -> None:
     """Blur a texture (h, w, 4) and its alpha in place by radii (h, w) in texels; passes checkpoints."""
-    _filter(texture, np.empty_like(texture), 1, radius.astype(np.float32), None, [])
+    _Part(texture, np.empty_like(texture), 1, radius.astype(np.float32)).blur()
 
 
 def _goes_on(layer: LayeredDepthImage) -> Mask:
@@ -90,11 +91,8 @@ def _goes_on(layer: LayeredDepthImage) -> Mask:
     assert layer.drawn is not None
     if layer.drawn.all() or not layer.drawn.any():
         return layer.drawn
-    beyond = (~layer.drawn).astype(np.uint8)
-    _, label = cv2.distanceTransformWithLabels(beyond, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    alpha = np.zeros(label.max() + 1, np.float32)
-    alpha[label[layer.drawn]] = layer.front[layer.drawn, 3]
-    return np.asarray(alpha[label] > 0.5)
+    alpha, _ = of_nearest(layer.front[..., 3], layer.drawn)
+    return alpha > 0.5
 
 
 def _buried(layer: LayeredDepthImage) -> Mask:
@@ -103,96 +101,87 @@ def _buried(layer: LayeredDepthImage) -> Mask:
     return np.asarray(layer.occluded & (cv2.dilate(layer.disoccluded.astype(np.uint8), around) == 0))
 
 
-def _filter(
-    part: LinearRGBA,
-    spare: LinearRGBA,
-    finer: int,
-    radius: Map,
-    kept: Mask | None,
-    buried: Sequence[tuple[LinearRGBA, Mask]],
-) -> None:
-    """Blur a part of the texture in place, tile by tile; `buried` texels replace its own as neighbours."""
-    rows, columns = (range(0, finer * n, TILE) for n in radius.shape)
-    work = partial(_tile, part, spare, finer, radius, kept, buried)
+@dataclass(frozen=True)
+class _Part:
+    """A part of the texture, blurred tile by tile."""
 
-    def in_row(row: int) -> list[slice]:
-        return [slice(column, column + TILE) for column in columns if work((row, column))]
+    texels: LinearRGBA
+    spare: LinearRGBA
+    """(h, w, 4) memory for the result."""
+    finer: int
+    """Texels a pixel along each axis."""
+    radius: Map
+    """(H, W) radii of the footprints in pixels."""
+    kept: Mask | None = None
+    """(H, W) pixels whose texels are not empty; None for all."""
+    buried: Sequence[tuple[LinearRGBA, Mask]] = ()
+    """Other parts, whose texels replace its own as neighbours in pixels (H, W)."""
 
-    # By rows: to pass a single tile to a thread takes as long as a small one.
-    for row, blurred in zip(rows, side_by_side(in_row, rows), strict=True):
-        for tile in blurred:
-            part[row : row + TILE, tile] = spare[row : row + TILE, tile]
+    def blur(self) -> None:
+        """Blur in place."""
+        rows, columns = (range(0, self.finer * n, TILE) for n in self.radius.shape)
 
+        def in_row(row: int) -> list[slice]:
+            return [slice(column, column + TILE) for column in columns if self._tile((row, column))]
 
-def _tile(
-    part: LinearRGBA,
-    result: LinearRGBA,
-    finer: int,
-    radius: Map,
-    kept: Mask | None,
-    buried: Sequence[tuple[LinearRGBA, Mask]],
-    place: tuple[int, int],
-) -> bool:
-    """Blur one tile into `result`, with the arguments of `_filter`; returns False if it is unchanged."""
-    own = radius[tuple(slice(n // finer, (n + TILE) // finer) for n in place)]
-    if not own.any():
-        return False
-    checkpoint(0.95)
-    own = np.minimum(finer * repeated(own, finer), WIDEST)
-    # A radius is interpolated between the levels beside it, so others are not blurred.
-    interval = np.searchsorted(RADII, own[own > 0]) - 1
-    has = np.bincount(interval, minlength=len(LEVELS)) > 0
-    used = list(compress(LEVELS, has | np.roll(has, 1)))
-    # Cells of the coarsest raster in use, past the widest disc and the taps of interpolation.
-    step = used[-1].shrink
-    margin = step * int(np.ceil(used[-1].radius / step) + 2)
-    around = _around(part, finer, kept, buried, place, (own.shape[0], own.shape[1]), margin)
-    inner = slice(margin, margin + own.shape[0]), slice(margin, margin + own.shape[1])
-    rows, columns = (slice(n, n + size) for n, size in zip(place, own.shape, strict=True))
-    tile = result[rows, columns]
-    tile[:] = _blurred(around, used[0])[inner]
-    squared = own * own
-    for below, level in pairwise(used):
-        # Variances add up and grow with the squared radius, so interpolation is linear in it.
-        share = (squared - below.radius**2) / (level.radius**2 - below.radius**2)
-        more = _blurred(around, level)[inner] - tile
-        more *= cv2.merge([np.clip(share, 0, 1, out=share)] * 4)
-        tile += more
-    sharp = own == 0
-    if sharp.any():
-        tile[sharp] = part[rows, columns][sharp]
-    return True
+        # By rows: to pass a single tile to a thread takes as long as a small one.
+        for row, blurred in zip(rows, side_by_side(in_row, rows), strict=True):
+            for tile in blurred:
+                self.texels[row : row + TILE, tile] = self.spare[row : row + TILE, tile]
 
+    def _tile(self, place: tuple[int, int]) -> bool:
+        """Blur one tile into `spare`; returns False if it is unchanged."""
+        own = self.radius[tuple(slice(n // self.finer, (n + TILE) // self.finer) for n in place)]
+        if not own.any():
+            return False
+        checkpoint(0.95)
+        own = np.minimum(self.finer * repeated(own, self.finer), WIDEST)
+        # A radius is interpolated between the levels beside it, so others are not blurred.
+        interval = np.searchsorted(RADII, own[own > 0]) - 1
+        has = np.bincount(interval, minlength=len(LEVELS)) > 0
+        used = list(compress(LEVELS, has | np.roll(has, 1)))
+        # Cells of the coarsest raster in use, past the widest disc and the taps of interpolation.
+        step = used[-1].shrink
+        margin = step * int(np.ceil(used[-1].radius / step) + 2)
+        around = self._around(place, (own.shape[0], own.shape[1]), margin)
+        inner = slice(margin, margin + own.shape[0]), slice(margin, margin + own.shape[1])
+        rows, columns = (slice(n, n + size) for n, size in zip(place, own.shape, strict=True))
+        tile = self.spare[rows, columns]
+        tile[:] = _blurred(around, used[0])[inner]
+        squared = own * own
+        for below, level in pairwise(used):
+            # Variances add up and grow with the squared radius, so interpolation is linear in it.
+            share = (squared - below.radius**2) / (level.radius**2 - below.radius**2)
+            more = _blurred(around, level)[inner] - tile
+            more *= cv2.merge([np.clip(share, 0, 1, out=share)] * 4)
+            tile += more
+        sharp = own == 0
+        if sharp.any():
+            tile[sharp] = self.texels[rows, columns][sharp]
+        return True
 
-def _around(
-    part: LinearRGBA,
-    finer: int,
-    kept: Mask | None,
-    buried: Sequence[tuple[LinearRGBA, Mask]],
-    place: tuple[int, int],
-    size: tuple[int, int],
-    margin: int,
-) -> LinearRGBA:
-    """Return (h, w, 4) texels of a tile and `margin` around, repeated past the border."""
-    low = [max(0, n - margin) for n in place]
-    high = [min(whole, n + own + margin) for whole, n, own in zip(part.shape, place, size, strict=False)]
-    texels = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
-    pixels = tuple(slice(a // finer, -(-b // finer)) for a, b in zip(low, high, strict=True))
-    cut = tuple(slice(a % finer, a % finer + b - a) for a, b in zip(low, high, strict=True))
-    found = part[texels]
-    if kept is not None and not kept[pixels].all():
-        shown = repeated(kept[pixels].astype(np.uint8), finer)[cut]
-        found = np.asarray(cv2.copyTo(found, np.ascontiguousarray(shown)), np.float32)
-    for other, mask in buried:
-        if mask[pixels].any():
-            hidden = repeated(mask[pixels].astype(np.float32), finer)[cut] > 0
-            opaque = other[texels][..., 3:] == 1
-            found = np.where(hidden[..., None] & opaque, other[texels], found)
-    top, left = (margin - (n - a) for n, a in zip(place, low, strict=True))
-    bottom, right = (margin - (b - n - own) for b, n, own in zip(high, place, size, strict=True))
-    if top or left or bottom or right:
-        found = cv2.copyMakeBorder(found, top, bottom, left, right, cv2.BORDER_REPLICATE)
-    return np.asarray(found, np.float32)
+    def _around(self, place: tuple[int, int], size: tuple[int, int], margin: int) -> LinearRGBA:
+        """Return (h, w, 4) texels of a tile and `margin` around, repeated past the border."""
+        low = [max(0, n - margin) for n in place]
+        whole = self.texels.shape[:2]
+        high = [min(most, n + own + margin) for most, n, own in zip(whole, place, size, strict=True)]
+        texels = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+        pixels = tuple(slice(a // self.finer, -(-b // self.finer)) for a, b in zip(low, high, strict=True))
+        cut = tuple(slice(a % self.finer, a % self.finer + b - a) for a, b in zip(low, high, strict=True))
+        found = self.texels[texels]
+        if self.kept is not None and not self.kept[pixels].all():
+            shown = repeated(self.kept[pixels].astype(np.uint8), self.finer)[cut]
+            found = np.asarray(cv2.copyTo(found, np.ascontiguousarray(shown)), np.float32)
+        for other, mask in self.buried:
+            if mask[pixels].any():
+                hidden = repeated(mask[pixels].astype(np.float32), self.finer)[cut] > 0
+                opaque = other[texels][..., 3:] == 1
+                found = np.where(hidden[..., None] & opaque, other[texels], found)
+        top, left = (margin - (n - a) for n, a in zip(place, low, strict=True))
+        bottom, right = (margin - (b - n - own) for b, n, own in zip(high, place, size, strict=True))
+        if top or left or bottom or right:
+            found = cv2.copyMakeBorder(found, top, bottom, left, right, cv2.BORDER_REPLICATE)
+        return np.asarray(found, np.float32)
 
 
 def _blurred(around: LinearRGBA, level: Level) -> LinearRGBA:

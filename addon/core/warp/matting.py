@@ -61,7 +61,8 @@ def surfaces_beside(picture: LinearRGBA, disparity: Map, mixed: Mask, jump: floa
     """Find the surfaces beside mixed pixels (H, W) of a picture (H, W, 4) with disparities (H, W)."""
     row, column = np.nonzero(mixed)
     own = disparity[row, column]
-    low, high = _extremes(disparity, row, column)
+    around = np.ones((3, 3), np.uint8)
+    low, high = (extreme(disparity, around)[row, column] for extreme in (cv2.erode, cv2.dilate))
     middle = np.float32(0.5) * (high + low)
     # Disparities outside belong to a third surface.
     bounds = np.stack([low - np.float32(jump), middle, high + np.float32(jump)])
@@ -199,13 +200,6 @@ class _Sums:
 def _neighbours(row: Indices, column: Indices, dy: int, dx: int, shape: tuple[int, ...]) -> Indices:
     """Return (n,) indices of neighbours in a raveled raster, clipped to its border."""
     return np.clip(row + dy, 0, shape[0] - 1) * shape[1] + np.clip(column + dx, 0, shape[1] - 1)
-
-
-def _extremes(disparity: Map, row: Indices, column: Indices) -> tuple[Map, Map]:
-    """Return the least and largest disparity (n,) within 3x3 pixels."""
-    kernel = np.ones((3, 3), np.uint8)
-    low, high = (f(disparity, kernel)[row, column] for f in (cv2.erode, cv2.dilate))
-    return low, high
 
 
 def _sums(

@@ -127,8 +127,7 @@ def _parameters(scene: bpy.types.Scene, reconstruction: Reconstruction) -> Float
     first, last = (int(reconstruction.frames[n]) for n in (0, -1))
     frame = min(max(clip_frame(scene), first), last)
     options = frame_options(settings, reconstruction)
-    image, _ = reconstruction.image_at(frame)
-    pinhole = reconstruction.canvas(image).pinhole
+    pinhole = reconstruction.canvas(frame).pinhole
     lens = options.focus.lens(reconstruction, frame, pinhole, options.radius)
     scale = settings.camera.matrix_world.median_scale
     tilt = np.array(lens.slope) * pinhole.focal / lens.axis

@@ -144,10 +144,10 @@ def nearest_place(shot: Shot, frame: int, repairs: Sequence[Repair]) -> Place:
 def unsure_frames(shot: Shot, name: str) -> list[int]:
     """Carry a subject through all frames; those in which another stroke would help.
 
-    Errors as of `ClipContext.subject`.
+    Errors as of `MovingParts.named` and `ClipSubject.mask`.
     """
     clip = shot.context
-    carried = clip.carried(next(each for each in clip.marked if each.name == name))
+    carried = clip.parts.subjects.carried(next(each for each in clip.marked if each.name == name))
     frames = [int(frame) for frame in clip.reconstruction.frames]
     found = []
     for number, frame in enumerate(frames):
@@ -155,7 +155,7 @@ def unsure_frames(shot: Shot, name: str) -> list[int]:
             if carried.cut(frame).sure < UNSURE:
                 found.append(frame)
             # Kept for renders.
-            clip.subject(name, frame)
+            clip.parts.named(name).mask(frame)
     return found
 
 

@@ -28,7 +28,7 @@ CORNERS = 5
 def light_up(shot: Shot, marked: MarkedSubject, frame: int) -> Mask:
     """Return a marked subject (h, w) in a frame, and show it (`calls.show`) while it becomes better known."""
     mask: Mask | None = None
-    for mask in shot.context.carried(marked).masks(frame):
+    for mask in shot.context.parts.subjects.carried(marked).masks(frame):
         show(mask)
     assert mask is not None
     return mask

@@ -1,43 +1,16 @@
-"""Files of cameras without points, between the reader's process and the worker.
+"""Thinning of the clouds of known cameras, which no picture observes."""
 
-Also thins out clouds that no picture observes.
-"""
-
-import json
-from dataclasses import asdict, replace
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 
 from ...base.arrays import Ints
-from ...camera.intrinsics import Intrinsics
-from ...camera.reconstruction import NO_POINTS, Image, Points, Reconstruction, seen_by
+from ...camera.reconstruction import Image, Points, Reconstruction, seen_by
 
 CELLS = (24, 16)
 """Across and down a picture; one point of each is enough for focus and range. Chosen by inspection."""
 MOST_POINTS = 20_000
 """Most points of an unobserved cloud. Chosen by inspection."""
-
-
-def write_cameras(path: Path, cameras: Reconstruction) -> None:
-    """Write poses and lenses as JSON, exact to the last bit; frame numbers may be negative."""
-    rows = [
-        [int(image.frame), image.camera, image.rotation.tolist(), image.translation.tolist()]
-        for image in cameras.images
-    ]
-    written = {"lenses": [asdict(lens) for lens in cameras.cameras], "images": rows}
-    path.write_text(json.dumps(written), encoding="utf-8")
-
-
-def read_cameras(path: Path) -> Reconstruction:
-    """Read the file of `write_cameras`."""
-    read = json.loads(path.read_text(encoding="utf-8"))
-    images = tuple(
-        Image(frame, np.array(rotation), np.array(translation), camera=camera)
-        for frame, camera, rotation, translation in read["images"]
-    )
-    lenses = tuple(Intrinsics(**{**lens, "terms": tuple(lens["terms"])}) for lens in read["lenses"])
-    return Reconstruction(lenses, images, NO_POINTS)
 
 
 def thinned(cloud: Reconstruction) -> Reconstruction:

@@ -195,7 +195,8 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     missing = [frame for frame in frames if frame not in seen]
     focal = [reconstruction.intrinsics(image).fx for image in reconstruction.images]
     point, missed, rays = _observations(reconstruction)
-    angle = _angles(point, rays, len(reconstruction.points))
+    angle = outermost_angles(rays, point, len(reconstruction.points))
+    angle = angle[(reconstruction.views_per_point >= 2) & np.isfinite(angle)]
     error = _mean_error(point, missed, len(reconstruction.points)) if said.get("observed", True) else None
     spread = None
     if error is not None and len(angle) and said.get("method") != STAYS:
@@ -296,12 +297,6 @@ def _distances(reconstruction: Reconstruction) -> list[float]:
     )
     depths = depths[np.isfinite(depths) & (depths > 0)]
     return [float(q) for q in np.percentile(depths, (2, 50, 98))] if len(depths) else [0.0, 0.0, 0.0]
-
-
-def _angles(point: Ints, rays: Floats, count: int) -> Floats:
-    """(k,) degrees between the outermost rays of the k points that two frames see."""
-    angle = outermost_angles(rays, point, count)
-    return np.asarray(angle[(np.bincount(point, minlength=count) >= 2) & np.isfinite(angle)])
 
 
 def _mean_error(point: Ints, missed: Floats, count: int) -> float | None:

@@ -111,14 +111,11 @@ def outside(tracks: Tracks, mask: Callable[[int], Mask]) -> Tracks:
     inside = np.zeros(len(tracks.xy), bool)
     for index, frame in enumerate(tracks.frames):
         rows = slice(*np.searchsorted(tracks.frame_index, [index, index + 1]))
-        masked = _enlarged(mask(frame))
+        masked = mask(frame).astype(np.uint8)
+        side = 2 * max(round(MARGIN * max(masked.shape)), 1) + 1
+        masked = cv2.dilate(masked, np.ones((side, side), np.uint8)) > 0
         shape = np.array(masked.shape[::-1])
         column, row = np.clip(tracks.xy[rows] * shape / size, 0, shape - 1).astype(int).T
         inside[rows] = masked[row, column]
     views = np.bincount(tracks.track, minlength=tracks.count)
     return tracks.only((np.bincount(tracks.track, inside, tracks.count) <= INSIDE * views)[tracks.track])
-
-
-def _enlarged(mask: Mask) -> Mask:
-    side = 2 * max(round(MARGIN * max(mask.shape)), 1) + 1
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
