@@ -1,7 +1,7 @@
 """Which passes a view layer asks for, besides those that Blender itself has switches of."""
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, PointerProperty
+from bpy.props import BoolProperty, FloatProperty
 
 from ..core.frame.range_matte import Range
 
@@ -72,15 +72,3 @@ def range_of(layer: bpy.types.ViewLayer) -> Range:
     """Return the range of a view layer's matte."""
     ours = layer.virtual_aperture_passes
     return Range(ours.range_near, ours.range_far, ours.range_softness)
-
-
-def register() -> None:
-    """Give view layers their switches."""
-    bpy.utils.register_class(VirtualAperturePasses)
-    bpy.types.ViewLayer.virtual_aperture_passes = PointerProperty(type=VirtualAperturePasses)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    del bpy.types.ViewLayer.virtual_aperture_passes
-    bpy.utils.unregister_class(VirtualAperturePasses)

@@ -12,11 +12,13 @@ from bpy.props import (
 
 from ..core.frame.options import FRAME_OPTIONS
 from .base.option_properties import with_options
+from .cg_objects import STAYS_SHARP, STAYS_SHARP_SWITCH
 from .clip_properties import ClipProperties
 from .focus import focus_marks
 from .lens import repairs
 from .lens.aperture_shape import VirtualApertureShape
 from .lens_properties import LensProperties, aperture_changed
+from .passes import VirtualAperturePasses
 from .preview_properties import PreviewProperties
 from .sources import subjects
 
@@ -76,18 +78,27 @@ CLASSES = (
     *repairs.CLASSES,
     VirtualApertureShape,
     VirtualApertureSettings,
+    VirtualAperturePasses,
 )
+OWNED = (
+    (bpy.types.Scene, "virtual_aperture", PointerProperty(type=VirtualApertureSettings)),
+    (bpy.types.ViewLayer, "virtual_aperture_passes", PointerProperty(type=VirtualAperturePasses)),
+    (bpy.types.Object, STAYS_SHARP, STAYS_SHARP_SWITCH),
+)
+"""Properties of Blender's own types, with their names."""
 
 
 def register() -> None:
-    """Register the property groups, and the settings of scenes."""
+    """Register the property groups, and the properties that Blender's own types get."""
     for cls in CLASSES:
         bpy.utils.register_class(cls)
-    bpy.types.Scene.virtual_aperture = PointerProperty(type=VirtualApertureSettings)
+    for owner, name, made in OWNED:
+        setattr(owner, name, made)
 
 
 def unregister() -> None:
-    """Remove the settings of scenes, and unregister the property groups."""
-    del bpy.types.Scene.virtual_aperture
+    """Undo `register`."""
+    for owner, name, _ in OWNED:
+        delattr(owner, name)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -27,7 +27,7 @@ def clip(scene: bpy.types.Scene, tmp_path: Path) -> Iterator[Path]:
     plane = slanted_plane(LENS, tuple(range(1, COUNT + 1)))
     build(scene, open_footage(write_plane(tmp_path / "clip", plane)), plane)
     yield tmp_path
-    export.unregister()
+    export.stop()
 
 
 def shown() -> Recorder:

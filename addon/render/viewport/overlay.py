@@ -26,6 +26,12 @@ def hide(draw: Callable[[], None]) -> None:
         bpy.types.SpaceView3D.draw_handler_remove(_handlers.pop(draw), "WINDOW")
 
 
+def hide_all() -> None:
+    """Undo all calls of `show`."""
+    for draw in list(_handlers):
+        hide(draw)
+
+
 def fill(rectangle: Rectangle, colour: tuple[float, float, float, float] = GROUND) -> None:
     """Fill left, bottom, right, top with a colour, by its alpha."""
     shader: Any = gpu.shader.from_builtin("UNIFORM_COLOR")

@@ -1,13 +1,13 @@
 """Notes how far away an object is that is put in focus in the camera's properties, without an event."""
 
 import bpy
-from bpy.app.handlers import persistent
 
+from ..base.events import at
 from ..gpu import main_thread
 from ..lens import blender_focus
 
 
-@persistent
+@at("depsgraph_update_post")
 def _on_update(scene: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph | None = None) -> None:
     settings = scene.virtual_aperture
     thing = blender_focus.focus_object(settings)
@@ -20,13 +20,3 @@ def _on_update(scene: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph | None = 
         settings.object_name, settings.object_distance = name, max(away or 0.0, 0.0)
         # Properties without a callback do not have the scene evaluated.
         scene.update_tag()
-
-
-def register() -> None:
-    """Look from now on."""
-    bpy.app.handlers.depsgraph_update_post.append(_on_update)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.app.handlers.depsgraph_update_post.remove(_on_update)

@@ -12,6 +12,7 @@ from ...render.output import export as exports
 from ...render.processes.blend_file import write_blend
 from ...render.processes.launcher import start
 from ...scene.base import redraw
+from ...scene.base.events import watch
 from ...scene.base.paths import absolute
 from ...scene.base.remedy_words import WORDS
 from ...scene.lens.lens import frame_options
@@ -99,8 +100,8 @@ def _tick() -> float | None:
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the button, or the progress with a button to cancel; and the result of the last export."""
     if _export is not None and _export.is_running:
-        stop = VIRTUAL_APERTURE_OT_cancel_export.bl_idname
-        progress_row(layout, _export.words, _export.share, _export.left, stop)
+        cancel = VIRTUAL_APERTURE_OT_cancel_export.bl_idname
+        progress_row(layout, _export.words, _export.share, _export.left, cancel)
         return
     layout.operator(VIRTUAL_APERTURE_OT_export.bl_idname, icon="EXPORT")
     if _export is None:
@@ -149,7 +150,7 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
         made = begin(scene, self.what, absolute(self.directory), self.overwrite)
         if not bpy.app.background:
             # It goes on where another file is opened.
-            bpy.app.timers.register(_tick, first_interval=LOOK, persistent=True)
+            watch(_tick, LOOK, stays=True)
             return {"FINISHED"}
         while _tick() is not None:
             time.sleep(LOOK)
@@ -168,16 +169,14 @@ class VIRTUAL_APERTURE_OT_cancel_export(bpy.types.Operator):  # noqa: N801
     poll = polls(requires(lambda _: under_way(), "Nothing is being exported"))
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
-        unregister()
+        stop()
         self.report({"WARNING"}, "The export was cancelled; complete files are kept")
         return {"FINISHED"}
 
 
-def unregister() -> None:
+def stop() -> None:
     """End the export that is under way."""
     global _export
     if _export is not None:
         _export.leave(_export.clear)
     _export = None
-    with contextlib.suppress(ValueError):
-        bpy.app.timers.unregister(_tick)

@@ -114,8 +114,8 @@ def draw(layout: bpy.types.UILayout) -> None:
     if _movie is None:
         return
     if _movie.is_running:
-        stop = VIRTUAL_APERTURE_OT_cancel_movie.bl_idname
-        progress_row(layout, _movie.words, _movie.share, _movie.left, stop)
+        cancel = VIRTUAL_APERTURE_OT_cancel_movie.bl_idname
+        progress_row(layout, _movie.words, _movie.share, _movie.left, cancel)
     elif _is_of(bpy.context.scene, _movie) and _movie.out.exists():
         row = layout.row(align=True)
         row.label(text=_movie.out.name, icon="CHECKMARK")
@@ -136,12 +136,12 @@ class VIRTUAL_APERTURE_OT_cancel_movie(bpy.types.Operator):  # noqa: N801
     poll = polls(requires(lambda _: under_way(), "No movie is being rendered"))
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
-        unregister()
+        stop()
         self.report({"WARNING"}, "The movie was cancelled; nothing was written")
         return {"FINISHED"}
 
 
-def unregister() -> None:
+def stop() -> None:
     """End the movie that is under way."""
     global _movie
     if _movie is not None:
