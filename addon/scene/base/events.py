@@ -8,8 +8,7 @@ from bpy.app.handlers import persistent
 Handler = Callable[..., object]
 Tick = Callable[[], float | None]
 RENDERS = "render_init", "render_complete", "render_cancel", "load_pre"
-"""A render begins, ends or is cancelled, or another file is opened: what lasts from one render to the next
-ends."""
+"""A render begins, ends or is cancelled, or another file is opened: state of a render ends."""
 _called: list[tuple[str, Handler]] = []
 _ticks: list[Tick] = []
 

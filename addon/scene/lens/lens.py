@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 
 from ...core.base.errors import UserError
+from ...core.base.lru_cache import remembered
 from ...core.camera.focal_length import Focal, from_equivalent, from_sensor
 from ...core.camera.reconstruction import Reconstruction
 from ...core.focus.focus import Focus, radius_for_blur
@@ -242,16 +243,13 @@ def shown_radius(settings: bpy.types.PropertyGroup, held: float, _is_set: bool) 
         return 0.0
 
 
-_last: tuple[Reconstruction, Focus, int, float] | None = None
-"""Panels are drawn often while nothing changes."""
-
-
+@remembered(1)
 def _unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
-    """The radius of an aperture with a blur of 1 at a frame; UserError where nothing is to be blurred."""
-    global _last
-    if _last is None or _last[0] is not reconstruction or _last[1:3] != (focus, frame):
-        _last = reconstruction, focus, frame, radius_for_blur(reconstruction, focus, frame, 1.0)
-    return _last[3]
+    """The radius of an aperture with a blur of 1 at a frame; UserError where nothing is to be blurred.
+
+    It is remembered, as panels are drawn often while nothing changes.
+    """
+    return radius_for_blur(reconstruction, focus, frame, 1.0)
 
 
 def distance_now(settings: bpy.types.PropertyGroup) -> float:

@@ -111,7 +111,7 @@ class Shot:
     def context(self) -> ClipContext:
         """The clip as the core's stages see it."""
         return ClipContext(
-            self.reconstruction, self.read, None, self._masks, self._store,
+            self.reconstruction, self.clip.read, None, self._masks, self._store,
             self.subjects, self._found, self._kept(self._highlight_key), gpu_matcher.winning_levels,
             self.depth, self.from_rec_709, lambda: self.fixed,
         )  # fmt: skip
@@ -193,21 +193,6 @@ class Shot:
     @cached_property
     def _reconstruction_digest(self) -> str:
         return reconstruction_digest(self.reconstruction)
-
-    @property
-    def read(self) -> Callable[[int], Pixels]:
-        """As `Filmed.read`."""
-        return self.clip.read
-
-    @property
-    def repaired(self) -> dict[int, int]:
-        """As `Filmed.repaired`."""
-        return self.clip.repaired
-
-    @property
-    def masked(self) -> Callable[[int], Map | None]:
-        """As `Filmed.masked`."""
-        return self.clip.masked
 
 
 def _digest(*things: object) -> str:

@@ -7,11 +7,11 @@ import bpy
 
 from ...core.base.errors import UserError
 from ...scene.base.remedy_words import WORDS
-from .operators import Result, reported
+from .operators import Acts, Result, reported
 from .work import LOOK, Work
 
 
-class WorksMeanwhile:
+class WorksMeanwhile(Acts):
     """An operator with a computation in another process, progress in the status bar and ESC to cancel.
 
     The result is brought into the scene in one undo step; until then the scene is not touched.
@@ -32,11 +32,8 @@ class WorksMeanwhile:
         """Bring the result into the scene; returns a line about it, or raises UserError."""
         raise NotImplementedError
 
-    @reported
-    def execute(self: Any, context: bpy.types.Context) -> Result:
-        found = self.work(context)()
-        self.report({"INFO"}, self.finish(context.scene, found))
-        return {"FINISHED"}
+    def act(self, context: bpy.types.Context) -> str:
+        return self.finish(context.scene, self.work(context)())
 
     def invoke(self: Any, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         result: Result = self.execute(context) if bpy.app.background else self._begin(context)

@@ -137,3 +137,31 @@ def reported(
             return {"CANCELLED"}
 
     return wrapped
+
+
+class Named:
+    """A mixin of operators: Blender calls VIRTUAL_APERTURE_OT_solve virtual_aperture.solve."""
+
+    def __init_subclass__(cls: Any) -> None:
+        super().__init_subclass__()
+        cls.bl_idname = cls.__name__.replace("_OT_", ".").lower()
+
+
+class Acts(Named):
+    """A mixin of operators that do something at once."""
+
+    def act(self, context: bpy.types.Context) -> str | None:
+        """Do it; return a line about it, if there is one to be shown, or raise UserError."""
+        raise NotImplementedError
+
+    @reported
+    def execute(self: Any, context: bpy.types.Context) -> Result:
+        if said := self.act(context):
+            self.report({"INFO"}, said)
+        return {"FINISHED"}
+
+
+class Edits(Acts):
+    """One that changes the scene, and can be undone and repeated."""
+
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012

@@ -143,7 +143,6 @@ def strip_of(context: bpy.types.Context) -> Strip | None:
 class VIRTUAL_APERTURE_OT_drag_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
     """Click to go to this focus mark, drag to move it to another frame"""
 
-    bl_idname = "virtual_aperture.drag_focus_mark"
     bl_label = "Drag Focus Mark"
     # Not REGISTER: the panel of a redo would cover the strip.
     bl_options = {"UNDO"}  # noqa: RUF012

@@ -80,7 +80,7 @@ def _cut_out() -> float | None:
 
 def _part(scene: bpy.types.Scene, frame: int, x: float, y: float) -> NDArray[np.float32]:
     """(SIDE, SIDE, 4) display values, opaque, top row first; UserError where the frame cannot be read."""
-    picture: Any = shot_of(scene).read(frame)
+    picture: Any = shot_of(scene).clip.read(frame)
     height, width = picture.shape[:2]
     side = max(min(round(PART * width), height), 1)
     left, top = (

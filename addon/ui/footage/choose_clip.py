@@ -7,7 +7,7 @@ import bpy
 from ...core.base.errors import UserError
 from ...core.media.picture_file import PICTURES
 from ...core.media.sequence import pattern_of
-from ..base.operators import Result, may_change, polls, reported
+from ..base.operators import Edits, Result, may_change, polls
 
 
 class ShowsClips:
@@ -24,12 +24,10 @@ class ShowsClips:
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
 
-class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, Edits, bpy.types.Operator):  # noqa: N801
     """Choose a video, any image of a sequence, or a folder of images"""
 
-    bl_idname = "virtual_aperture.choose_clip"
     bl_label = "Choose Clip"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     poll = polls(may_change)
 
@@ -44,13 +42,11 @@ class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, bpy.types.Operator):  # noqa: 
         column.label(text="A video, any image of a sequence,")
         column.label(text="or open a folder of images.")
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> None:
         clip = str(clip_of(Path(bpy.path.abspath(self.filepath))))
         if bpy.data.filepath:
             clip = relative(clip)
         context.scene.virtual_aperture.footage = clip
-        return {"FINISHED"}
 
 
 def clip_of(chosen: Path) -> Path:

@@ -31,7 +31,6 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
     If it has been solved before, that solve is loaded
     """
 
-    bl_idname = "virtual_aperture.import_clip"
     # Blender shows it where other handlers take the file, too.
     bl_label = "Solve with Virtual Aperture"
 
@@ -105,7 +104,6 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
 class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  # noqa: N801
     """Import the clip's cameras, and points if there are any, from another program or a phone"""
 
-    bl_idname = "virtual_aperture.drop_model"
     bl_label = "Import to Virtual Aperture"
     bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
 

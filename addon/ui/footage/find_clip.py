@@ -10,14 +10,13 @@ from ...core.media.find_clip import is_clip
 from ...core.media.sequence import is_pattern
 from ...scene.base.paths import absolute
 from ...scene.build import move_clip
-from ..base.operators import Result, has_solve, may_change, polls, reported
+from ..base.operators import Acts, Result, has_solve, may_change, polls
 from .choose_clip import ShowsClips
 
 
-class VIRTUAL_APERTURE_OT_find_clip(ShowsClips, bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_find_clip(ShowsClips, Acts, bpy.types.Operator):  # noqa: N801
     """Locate the solved clip after it was moved. Solve, focus and background stay as they are"""
 
-    bl_idname = "virtual_aperture.find_clip"
     bl_label = "Find Clip"
     bl_options = {"UNDO"}  # noqa: RUF012
 
@@ -36,8 +35,7 @@ class VIRTUAL_APERTURE_OT_find_clip(ShowsClips, bpy.types.Operator):  # noqa: N8
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         settings = context.scene.virtual_aperture
         if not settings.clip_identity:
             raise UserError("this .blend does not record which clip was solved; choose it as Clip")
@@ -47,8 +45,7 @@ class VIRTUAL_APERTURE_OT_find_clip(ShowsClips, bpy.types.Operator):  # noqa: N8
         for path in _meant(chosen, settings.clip_name):
             if is_clip(path, settings.clip_identity):
                 move_clip(context.scene, open_footage(path))
-                self.report({"INFO"}, f"The clip is now {settings.footage}")
-                return {"FINISHED"}
+                return f"The clip is now {settings.footage}"
         raise UserError(
             f"{chosen.name} is not the clip that was solved, {settings.clip_name}; choose that clip, or"
             f" choose {chosen.name} as Clip and solve it"

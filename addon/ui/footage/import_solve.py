@@ -13,12 +13,13 @@ from ...core.sfm.workspace import SolveThereError, check_import, keep_import
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.movieclip import read_movie_clip
 from ...scene.sources.scene_camera import cameras_of, read_scene_camera
-from ..base.operators import Result, asked, has_clip, is_idle, may_change, polls, refused, reported, requires
+from ..base import operators
+from ..base.operators import Result, has_clip, is_idle, may_change, polls, reported, requires
 from ..jobs import depth_ahead
 from .solve import Solves, build_scene, focus_on_person, report_hidden, solved_words
 
 
-class Import:
+class Import(operators.Named):
     """Read a model, keep it in the working folder, and bring it into the scene.
 
     An existing solve is only replaced after a question.
@@ -82,7 +83,9 @@ class Import:
             return result
         settings = context.scene.virtual_aperture
         message = f"{work_dir(settings, footage_path(settings))} already holds a solve of this clip"
-        return asked(self, context, event, title="Replace Solve", message=message, confirm_text="Replace")
+        return operators.asked(
+            self, context, event, title="Replace Solve", message=message, confirm_text="Replace"
+        )
 
     def begin(self, context: bpy.types.Context) -> Result:
         """Import, or first let the user choose a file or camera."""
@@ -96,7 +99,7 @@ def find_points(found: Imported, clip: Path) -> Result:
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
         result: Result = bpy.ops.virtual_aperture.find_points(how)
     except RuntimeError as error:
-        raise refused(error) from None
+        raise operators.refused(error) from None
     # That it runs on is its own affair.
     return {"FINISHED"} if "FINISHED" in result else {"CANCELLED"}
 
@@ -104,7 +107,6 @@ def find_points(found: Imported, clip: Path) -> Result:
 class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
     """Track the clip's features and place them in 3D from its known cameras"""
 
-    bl_idname = "virtual_aperture.find_points"
     bl_label = "Find Points"
     bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
 
@@ -131,7 +133,6 @@ class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
 class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N801
     """Import the clip's cameras, and points if there are any, from another program or a phone"""
 
-    bl_idname = "virtual_aperture.import_solve"
     bl_label = "Import Solve"
 
     filepath: bpy.props.StringProperty(
@@ -222,7 +223,6 @@ def _clip_items(_operator: Any, _context: bpy.types.Context | None) -> list[tupl
 class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa: N801
     """Import the camera and tracks of a movie clip solved in the Movie Clip Editor"""
 
-    bl_idname = "virtual_aperture.import_movie_clip"
     bl_label = "Import Movie Clip"
 
     clip: bpy.props.EnumProperty(
@@ -250,7 +250,6 @@ class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa:
     Its motion and lens are kept, and points are found for it
     """
 
-    bl_idname = "virtual_aperture.use_scene_camera"
     bl_label = "Use Scene Camera"
 
     camera: bpy.props.StringProperty(

@@ -9,23 +9,20 @@ from ...scene.build import restore, restore_camera
 from ...scene.edited_camera import edits
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.shot import solved_clip
-from ..base.operators import Result, may_change, polls, reported, requires
+from ..base.operators import Edits, may_change, polls, requires
 from .solve import build_scene, is_kept
 
 
-class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_restore_objects(Edits, bpy.types.Operator):  # noqa: N801
     """Bring back the camera, the points and other objects of the solve that were deleted"""
 
-    bl_idname = "virtual_aperture.restore_objects"
     bl_label = "Restore Objects"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     poll = polls(
         may_change, requires(lambda c: parts.missing(c.scene), "No objects of the solve are missing")
     )
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         scene, settings = context.scene, context.scene.virtual_aperture
         words = ", ".join(parts.missing(scene))
         if settings.points is not None:
@@ -37,25 +34,20 @@ class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
             self.report({"WARNING"}, "The solve was loaded again; set the focus again")
         else:
             raise UserError("the point cloud was deleted, and the solve with it; solve the clip again")
-        self.report({"INFO"}, f"Restored: {words}")
-        return {"FINISHED"}
+        return f"Restored: {words}"
 
 
-class VIRTUAL_APERTURE_OT_restore_camera(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_restore_camera(Edits, bpy.types.Operator):  # noqa: N801
     """Undo all changes of the clip's camera, which renders ignore"""
 
-    bl_idname = "virtual_aperture.restore_camera"
     bl_label = "Restore Camera"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     poll = polls(may_change, requires(lambda c: edits(c.scene), "The clip's camera is as it was solved"))
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         edited = edits(context.scene)
         restore_camera(context.scene, _footage(context.scene.virtual_aperture))
-        self.report({"INFO"}, f"Restored: {', '.join(edited)}")
-        return {"FINISHED"}
+        return f"Restored: {', '.join(edited)}"
 
 
 def _footage(settings: bpy.types.PropertyGroup) -> Footage | None:

@@ -26,7 +26,7 @@ from ...scene.focus.refocus import keep_focus, restore_focus
 from ...scene.lens import aperture_cloud
 from ...scene.lens.lens import focal_of
 from ...scene.sources.clip import footage_path, work_dir
-from ..base.operators import LOOK, Result, asked, has_clip, is_idle, may_change, polls, reported
+from ..base.operators import LOOK, Named, Result, asked, has_clip, is_idle, may_change, polls, reported
 from ..base.solving import Solving
 from ..jobs import depth_ahead, first_person
 from . import after_solve
@@ -106,7 +106,7 @@ def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
         operator.report({"INFO"}, after_solve.hidden_words(things))
 
 
-class Solves:
+class Solves(Named):
     """Solve a clip, with ESC to cancel, and bring it into the scene as one undo step.
 
     Until then the scene is not touched.
@@ -250,7 +250,6 @@ class Solves:
 class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
     """Find the clip's camera motion and feature points, and add them to the scene"""
 
-    bl_idname = "virtual_aperture.solve"
     bl_label = "Solve Clip"
     # Not REGISTER: its redo panel would solve once more, with the interface frozen.
 

@@ -17,7 +17,7 @@ from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.colour_space import REC_709, working_space
 from ...scene.sources.shot import reconstruction_of
 from ...scene.sources.subjects import marked_of
-from ..base.operators import has_solve, is_met, polls, reported, requires
+from ..base.operators import Acts, has_solve, is_met, polls, requires
 from ..base.text import progress_row
 
 LOOK = 0.5
@@ -158,10 +158,9 @@ def _on_open(*_: object) -> None:
         begin_after_solve(folder)
 
 
-class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_find_depth(Acts, bpy.types.Operator):  # noqa: N801
     """Find and keep the depth of all frames in the background, so that renders start faster"""
 
-    bl_idname = "virtual_aperture.find_depth"
     bl_label = "Find Depth"
 
     @classmethod
@@ -170,26 +169,22 @@ class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
         is_free = found is None or not found.is_running
         return has_solve(cls, context) and is_met(cls, is_free, "Depth is being found")
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         folder = _folder(context.scene.virtual_aperture)
         if not (folder / STATE).exists():
             raise UserError(f"{folder} holds no solve to keep depth with; solve the clip")
         begin(folder)
-        return {"FINISHED"}
 
 
-class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_pause_depth(Acts, bpy.types.Operator):  # noqa: N801
     """Stop finding depth. Found depth is kept, and Find Depth continues from there"""
 
-    bl_idname = "virtual_aperture.pause_depth"
     bl_label = "Pause"
 
     poll = polls(requires(lambda _: _ahead is not None and _ahead.is_running, "Depth is not being found"))
 
-    def execute(self, _context: bpy.types.Context) -> set[str]:
+    def act(self, _context: bpy.types.Context) -> None:
         pause()
-        return {"FINISHED"}
 
 
 def draw_progress(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> bool:

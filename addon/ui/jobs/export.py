@@ -18,7 +18,7 @@ from ...scene.base.remedy_words import WORDS
 from ...scene.lens.lens import frame_options
 from ...scene.sources.clip import footage_path, solved_clip_path, work_dir
 from ...scene.sources.shot import reconstruction_of, shot_of
-from ..base.operators import Result, has_focus, has_solve, polls, reported, requires, sentence
+from ..base.operators import Acts, Named, Result, has_focus, has_solve, polls, requires, sentence
 from ..base.text import progress_row, wrapped
 from . import depth_ahead, movie
 
@@ -114,10 +114,9 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         row.operator("wm.path_open", text="", icon="FILE_FOLDER").filepath = str(_export.out)
 
 
-class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_export(Acts, bpy.types.Operator):  # noqa: N801
     """Write files for other programs: frames of the scene's range in two layers, or STMaps of the lens"""
 
-    bl_idname = "virtual_aperture.export"
     bl_label = "Export..."
 
     directory: bpy.props.StringProperty(name="Folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
@@ -137,8 +136,7 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str | None:
         scene, settings = context.scene, context.scene.virtual_aperture
         if not self.directory:
             raise UserError("no folder has been chosen; choose one for the files")
@@ -151,19 +149,17 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
         if not bpy.app.background:
             # It goes on where another file is opened.
             watch(_tick, LOOK, stays=True)
-            return {"FINISHED"}
+            return None
         while _tick() is not None:
             time.sleep(LOOK)
         if made.failure is not None:
             raise made.failure.error
-        self.report({"INFO"}, f"Exported to {made.out}")
-        return {"FINISHED"}
+        return f"Exported to {made.out}"
 
 
-class VIRTUAL_APERTURE_OT_cancel_export(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_cancel_export(Named, bpy.types.Operator):  # noqa: N801
     """End the export. Files that are complete are kept"""
 
-    bl_idname = "virtual_aperture.cancel_export"
     bl_label = "Cancel Export"
 
     poll = polls(requires(lambda _: under_way(), "Nothing is being exported"))

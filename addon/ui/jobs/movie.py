@@ -20,7 +20,7 @@ from ...render.processes.launcher import start
 from ...scene.base.paths import absolute
 from ...scene.base.timeline import clip_frame
 from ...scene.sources.clip import footage_path
-from ..base.operators import polls, requires
+from ..base.operators import Named, polls, requires
 from ..base.text import progress_row
 
 ENDING = "_render"
@@ -127,10 +127,9 @@ def _is_of(scene: bpy.types.Scene, made: MovieJob) -> bool:
     return made.failure is None and bool(scene.virtual_aperture.footage) and made.out == movie_path(scene)
 
 
-class VIRTUAL_APERTURE_OT_cancel_movie(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_cancel_movie(Named, bpy.types.Operator):  # noqa: N801
     """End rendering the movie. Nothing of it is kept"""
 
-    bl_idname = "virtual_aperture.cancel_movie"
     bl_label = "Cancel Movie"
 
     poll = polls(requires(lambda _: under_way(), "No movie is being rendered"))

@@ -14,7 +14,7 @@ from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
 from ...scene.sources import subjects
 from ...scene.sources.shot import Shot, reconstruction_of
-from ..base.operators import Result, reported
+from ..base.operators import Result
 from ..base.work import LOOK, Work
 from .pick_in_view import PicksInView
 from .pick_view import Overlay
@@ -57,10 +57,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
     All of it lights up, and is marked in all frames. Shift extends it, Ctrl takes parts away
     """
 
-    bl_idname = "virtual_aperture.pick_subject"
     bl_label = "Pick Subject"
-    # Not REGISTER: there is nothing to redo without the mouse.
-    bl_options = {"UNDO"}  # noqa: RUF012
 
     new: bpy.props.BoolProperty(
         name="New Subject",
@@ -93,8 +90,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
     _masks: dict[str, Mask]
     """(h, w) these people, once they are known."""
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         scene, settings = context.scene, context.scene.virtual_aperture
         frame = clip_frame(scene)
         try:
@@ -110,8 +106,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         self._check(made)
         subjects.set_strokes(settings, name, made)
         redraw.panels()
-        self.report({"INFO"}, f"{name} is marked at frame {frame}")
-        return {"FINISHED"}
+        return f"{name} is marked at frame {frame}"
 
     def _subject(self, settings: bpy.types.PropertyGroup) -> tuple[str, tuple[Stroke, ...]]:
         """Name and strokes of the subject that is picked."""

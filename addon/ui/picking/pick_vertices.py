@@ -16,7 +16,7 @@ from ...scene.lens.depth_of_field import length_words
 from ...scene.solve.point_cloud import ID_ATTRIBUTE
 from ...scene.sources import subjects
 from ...scene.sources.shot import reconstruction_of
-from ..base.operators import Result, has_points, polls, reported
+from ..base.operators import Edits, has_points, polls
 
 
 def focus_on(
@@ -50,17 +50,14 @@ def focus_on(
     return said + guessed + after
 
 
-class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_set_focus(Edits, bpy.types.Operator):  # noqa: N801
     """Focus on the selected vertices of the point cloud: at least one, ideally four"""
 
-    bl_idname = "virtual_aperture.set_focus"
     bl_label = "Set Focus from Selected Vertices"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     poll = polls(has_points)
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         settings = context.scene.virtual_aperture
         ids = selected_points(settings.points)
         if not ids:
@@ -81,8 +78,7 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
         # In Edit Mode only the mesh can be undone, and the points' colours are hidden.
         bpy.ops.object.mode_set(mode="OBJECT")
         place = Place(focus, frame, distance, "selected vertices")
-        self.report({"INFO"}, focus_on(settings, frame, [place]))
-        return {"FINISHED"}
+        return focus_on(settings, frame, [place])
 
 
 def selected_points(points: bpy.types.Object) -> list[int]:
