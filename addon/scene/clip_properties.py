@@ -5,7 +5,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from ..core.media.fixed_area import FIXED
 from ..core.media.picture_tags import MOST_ASPECT
-from .base.option_properties import property_of
+from .base.option_properties import hidden, property_of
 from .lens_properties import aperture_changed
 from .sources import colour_space, hdr_view
 from .sources.subjects import VirtualApertureSubjects
@@ -76,7 +76,6 @@ class ClipProperties:
         " half its width. 0: what the file says, else 1",
         min=0.0,
         max=MOST_ASPECT,
-        default=0.0,
     )
     depth_maps: StringProperty(
         name="Depth Maps",
@@ -111,18 +110,10 @@ class ClipProperties:
     subjects: PointerProperty(
         type=VirtualApertureSubjects, name="Subjects", description="Moving subjects marked by strokes"
     )
-    clip_identity: StringProperty(
-        name="Identity", description="Fingerprint of the solved clip", options={"HIDDEN"}
-    )
-    clip_name: StringProperty(name="Name", description="Name of the solved clip", options={"HIDDEN"})
-    clip_notes: StringProperty(
-        name="Notes", description="Remarks about the solved clip, one per line", options={"HIDDEN"}
-    )
-    clip_first: IntProperty(name="First Frame", description="First solved frame", options={"HIDDEN"})
-    clip_last: IntProperty(name="Last Frame", description="Last solved frame", options={"HIDDEN"})
-    clip_pixel_aspect: FloatProperty(
-        name="Pixel Aspect", description="Pixel aspect the clip was solved with", options={"HIDDEN"}
-    )
-    clip_step: IntProperty(
-        name="Frame Step", description="Step from one solved frame to the next", default=1, options={"HIDDEN"}
-    )
+    clip_identity: hidden(StringProperty, "Identity", "Fingerprint of the solved clip")
+    clip_name: hidden(StringProperty, "Name", "Name of the solved clip")
+    clip_notes: hidden(StringProperty, "Notes", "Remarks about the solved clip, one per line")
+    clip_first: hidden(IntProperty, "First Frame", "First solved frame")
+    clip_last: hidden(IntProperty, "Last Frame", "Last solved frame")
+    clip_pixel_aspect: hidden(FloatProperty, "Pixel Aspect", "Pixel aspect the clip was solved with")
+    clip_step: hidden(IntProperty, "Frame Step", "Step from one solved frame to the next", default=1)

@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
+from .base.option_properties import hidden
 from .focus import focus_marks
 from .focus.focus_marks import VirtualApertureFocusMarks
 from .lens import aperture_cloud, depth_of_field, lens, scale
@@ -69,7 +70,6 @@ class LensProperties:
         " its own unit. Picking focus sets it; editing it replaces the pick. Animate it to pull focus",
         min=0.0,
         soft_max=100.0,
-        default=0.0,
         precision=3,
         update=_distance_set,
     )
@@ -87,7 +87,6 @@ class LensProperties:
     focus_through_points: BoolProperty(
         name="Plane Through Points",
         description="Tilt the focal plane to pass through the picked points (three or more)",
-        default=False,
         update=aperture_changed,
     )
     focus_tilt: FloatProperty(
@@ -97,7 +96,6 @@ class LensProperties:
         subtype="ANGLE",
         min=-MOST_TILT,
         max=MOST_TILT,
-        default=0.0,
         update=aperture_changed,
     )
     focus_swing: FloatProperty(
@@ -107,7 +105,6 @@ class LensProperties:
         subtype="ANGLE",
         min=-MOST_TILT,
         max=MOST_TILT,
-        default=0.0,
         update=aperture_changed,
     )
     blur: FloatProperty(
@@ -138,21 +135,17 @@ class LensProperties:
         step=10,
         options=set(),
     )
-    by_f_stop: BoolProperty(
-        name="By F-Stop", description="The stored aperture was set as an f-stop", options={"HIDDEN"}
-    )
-    object_distance: FloatProperty(
-        name="Object Distance",
-        description="Distance of the focus object when it was put in focus, at which the blur is measured",
-        options={"HIDDEN"},
-    )
-    object_name: StringProperty(name="Object", description="Name of that object", options={"HIDDEN"})
+    by_f_stop: hidden(BoolProperty, "By F-Stop", "The stored aperture was set as an f-stop")
+    object_distance: hidden(
+        FloatProperty, "Object Distance",
+        "Distance of the focus object when it was put in focus, at which the blur is measured",
+    )  # fmt: skip
+    object_name: hidden(StringProperty, "Object", "Name of that object")
     aperture_radius: FloatProperty(
         name="Aperture Radius",
         description="Radius of the virtual aperture, in scene units; an imported model brings its own unit."
         " Constant throughout the clip unless animated. Set it in place of the blur; 0 goes back to the blur",
         min=0.0,
-        default=0.0,
         precision=4,
         get_transform=lens.shown_radius,
         update=_radius_set,
@@ -163,16 +156,14 @@ class LensProperties:
         " unknown: a solve has an arbitrary scale, and f-stops assume one",
         min=0.0,
         soft_max=10.0,
-        default=0.0,
         precision=4,
         update=lambda settings, _context: depth_of_field.on_scale(settings),
         options=set(),
     )
-    guessed_scale: FloatProperty(
-        name="Guessed Scale",
-        description="Size of one scene unit in meters by the height of people in the clip; 0 without a guess",
-        options={"HIDDEN"},
-    )
+    guessed_scale: hidden(
+        FloatProperty, "Guessed Scale",
+        "Size of one scene unit in meters by the height of people in the clip; 0 without a guess",
+    )  # fmt: skip
     subject_metres: FloatProperty(
         name="Subject Distance",
         description="How far away what is in focus is, in meters. Until it is given, here or by Set Scale, a"

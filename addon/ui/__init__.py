@@ -57,7 +57,7 @@ OVERLAYS = (
     (solve_view.draw, "POST_PIXEL"),
 )  # fmt: skip
 ENDS = (
-    end_solve, movie.stop, export.stop, first_person.stop, depth_ahead.stop, viewport.stop,
+    end_solve, movie.MovieJob.stop, export.ExportJob.stop, first_person.stop, depth_ahead.stop, viewport.stop,
     cg_process.end, frames_ahead.forget, frame_notes.forget,
 )  # fmt: skip
 """Functions that end what is under way."""

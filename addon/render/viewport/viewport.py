@@ -16,10 +16,8 @@ import bpy
 import gpu
 import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
-from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
-from ...core.base.arrays import Floats
 from ...core.base.errors import UserError
 from ...scene.base import redraw
 from ...scene.base.events import at, watch
@@ -33,7 +31,7 @@ from ..processes.clip_process import CLIP
 from ..views.frame_size import render_size, shape_problem
 from ..views.gpu_views import upload
 from . import message
-from .overlay import Rectangle, draw_texture
+from .overlay import Rectangle, draw_texture, fill
 from .pictures import FAIR, FINE, Half, Picture, Wanted
 from .preview import Preview
 
@@ -143,11 +141,6 @@ def _draw_picture(shown: Shown) -> None:
         draw_texture(texture, where, "ALPHA_PREMULT", (begin, 0.0, end, 1.0))
 
 
-def _corners(frame: Rectangle, places: Floats) -> Floats:
-    """(n, 2) pixels of places (n, 2) in a frame, as shares of its width and height from the left bottom."""
-    return np.asarray(places * frame[2:] + frame[:2])
-
-
 def _shown_here(context: bpy.types.Context) -> Shown | None:
     """Our engine's content of the viewport that is being drawn."""
     is_engine = context.scene.render.engine == "VIRTUAL_APERTURE"
@@ -166,17 +159,14 @@ def clear_overlays() -> None:
     if points is not None and points.mode == "EDIT":
         # Its vertices are overlays, too.
         return
-    shader: Any = gpu.shader.from_builtin("UNIFORM_COLOR")
-    output = output_in_region(context.region, context.region_data, context.scene) or shown.frame
-    corners = _corners(output, np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
+    left, bottom, width, height = (
+        output_in_region(context.region, context.region_data, context.scene) or shown.frame
+    )
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
         gpu.matrix.load_matrix(Matrix.Identity(4))
         gpu.matrix.load_projection_matrix(_to_pixels(context.region))
         gpu.state.depth_test_set("NONE")
-        gpu.state.blend_set("NONE")
-        shader.bind()
-        shader.uniform_float("color", (0.0, 0.0, 0.0, 0.0))
-        batch_for_shader(shader, "TRI_FAN", {"pos": corners.tolist()}).draw(shader)
+        fill((left, bottom, left + width, bottom + height), (0.0, 0.0, 0.0, 0.0), "NONE")
 
 
 def _to_pixels(region: bpy.types.Region) -> Matrix:

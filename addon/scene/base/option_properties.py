@@ -33,6 +33,11 @@ def property_of(option: Option, update: Update | None = None) -> Any:
     return FloatProperty(subtype=option.unit, precision=option.precision, **arguments)
 
 
+def hidden(kind: Callable[..., Any], name: str, description: str, **more: Any) -> Any:
+    """Return a property of a kind, such as `StringProperty`, that the interface does not show."""
+    return kind(name=name, description=description, options={"HIDDEN"}, **more)
+
+
 def with_options(
     options: Mapping[str, Option], update: Update | None = None, updating: Iterable[str] | None = None
 ) -> Callable[[type], type]:

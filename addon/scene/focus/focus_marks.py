@@ -27,6 +27,7 @@ from ...core.focus.first_focus import first_place
 from ...core.focus.focus import Focus
 from ...core.focus.place import Place
 from ...core.focus.pull import FocusMark, unseen
+from ..base.option_properties import hidden
 from ..base.timeline import clip_frame
 from ..lens import lens
 from ..sources.shot import reconstruction_of
@@ -87,7 +88,7 @@ class VirtualApertureFocusMark(bpy.types.PropertyGroup):
         description="Keep the distance at the mark's frame instead of following what was picked",
         update=_rewrite,
     )
-    kept: StringProperty(name="Places", description="What is in focus", options={"HIDDEN"})
+    kept: hidden(StringProperty, "Places", "What is in focus")
     distance: FloatProperty(
         name="Distance",
         description="Distance from the camera at its frame, in scene units",
@@ -105,14 +106,10 @@ class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
 
     items: CollectionProperty(type=VirtualApertureFocusMark)
     active: IntProperty(name="Active Focus Mark", options={"HIDDEN"})
-    written: StringProperty(
-        name="Written",
-        description="Digest of the keyframes written by the marks; empty if there are none",
-        options={"HIDDEN"},
+    written: hidden(
+        StringProperty, "Written", "Digest of the keyframes written by the marks; empty if there are none"
     )
-    unseen: StringProperty(
-        name="Not Seen", description="Frames in which the thing in focus cannot be seen", options={"HIDDEN"}
-    )
+    unseen: hidden(StringProperty, "Not Seen", "Frames in which the thing in focus cannot be seen")
 
     @property
     def is_first(self) -> bool:

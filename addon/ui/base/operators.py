@@ -146,6 +146,11 @@ class Named:
         super().__init_subclass__()
         cls.bl_idname = cls.__name__.replace("_OT_", ".").lower()
 
+    def once_more(self: Any, **changed: object) -> None:
+        """Call the operator again in the window, with its properties but those that are `changed`."""
+        call = getattr(bpy.ops.virtual_aperture, type(self).__name__.partition("_OT_")[2])
+        call("INVOKE_DEFAULT", **self.as_keywords() | changed)
+
 
 class Acts(Named):
     """A mixin of operators that do something at once."""

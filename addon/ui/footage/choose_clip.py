@@ -7,6 +7,7 @@ import bpy
 from ...core.base.errors import UserError
 from ...core.media.picture_file import PICTURES
 from ...core.media.sequence import pattern_of
+from ...scene.base.paths import relative
 from ..base.operators import Edits, Result, may_change, polls
 
 
@@ -43,10 +44,7 @@ class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, Edits, bpy.types.Operator):  #
         column.label(text="or open a folder of images.")
 
     def act(self, context: bpy.types.Context) -> None:
-        clip = str(clip_of(Path(bpy.path.abspath(self.filepath))))
-        if bpy.data.filepath:
-            clip = relative(clip)
-        context.scene.virtual_aperture.footage = clip
+        context.scene.virtual_aperture.footage = relative(clip_of(Path(bpy.path.abspath(self.filepath))))
 
 
 def clip_of(chosen: Path) -> Path:
@@ -66,11 +64,3 @@ def clip_of(chosen: Path) -> Path:
             " sequence"
         )
     return pattern
-
-
-def relative(path: str) -> str:
-    """Return a path relative to the saved .blend; unchanged on another drive."""
-    try:
-        return str(bpy.path.relpath(path))
-    except ValueError:
-        return path

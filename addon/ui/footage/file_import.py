@@ -74,9 +74,7 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
             return self.solve_now(context)
         # The file browser and the question end here; the work is for the modal operator.
         try:
-            bpy.ops.virtual_aperture.import_clip(
-                "INVOKE_DEFAULT", filepath=self.filepath, sure=self._is_answer
-            )
+            self.once_more(sure=self._is_answer)
         except RuntimeError as error:
             raise operators.refused(error) from None
         return {"CANCELLED"}
@@ -127,9 +125,6 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
 
     def read(self, footage: Footage) -> Imported:
         return import_solve.read_model(self.filepath, footage)
-
-    def ask(self) -> None:
-        bpy.ops.virtual_aperture.drop_model("INVOKE_DEFAULT", filepath=self.filepath, again=True)
 
 
 def loses_focus(settings: bpy.types.PropertyGroup, clip: Path) -> bool:

@@ -39,10 +39,6 @@ class Import(operators.Named):
         """Return the import; UserError if it fails."""
         raise NotImplementedError
 
-    def ask(self) -> None:
-        """Call this operator once more, with `again`."""
-        raise NotImplementedError
-
     def clip_of(self, settings: Any) -> Path:
         """Return the clip that it is of; UserError where there is none."""
         if not settings.footage:
@@ -64,7 +60,7 @@ class Import(operators.Named):
         except SolveThereError:
             if not self._asks:
                 raise
-            self.ask()
+            self.once_more(again=True)
             return {"CANCELLED"}
         depth_ahead.stop()
         solve, refocus = build_scene(context.scene, footage, folder)
@@ -175,9 +171,6 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
             self.report({"INFO"}, f"The phone's LiDAR depth is in {depth}; choose it as Depth Maps")
         return read_model(self.filepath, footage)
 
-    def ask(self) -> None:
-        bpy.ops.virtual_aperture.import_solve("INVOKE_DEFAULT", filepath=self.filepath, again=True)
-
 
 def recorded(filepath: str) -> Path | None:
     """Return the clip that a phone's recording brings with it; None of another file."""
@@ -240,9 +233,6 @@ class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa
     def read(self, footage: Footage) -> Imported:
         return read_movie_clip(bpy.data.movieclips[self.clip], footage)
 
-    def ask(self) -> None:
-        bpy.ops.virtual_aperture.import_movie_clip("INVOKE_DEFAULT", clip=self.clip, again=True)
-
 
 class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa: N801
     """Use an animated camera of this scene as the clip's camera.
@@ -283,8 +273,3 @@ class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa:
         if self.camera not in found:
             raise UserError(f"the scene has no camera {self.camera!r}; choose one of {', '.join(found)}")
         return read_scene_camera(scene, found[self.camera], footage, self.offset)
-
-    def ask(self) -> None:
-        bpy.ops.virtual_aperture.use_scene_camera(
-            "INVOKE_DEFAULT", camera=self.camera, offset=self.offset, again=True
-        )

@@ -273,7 +273,7 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
     def execute(self, context: bpy.types.Context) -> Result:
         if self._asks:
             # The answer to the question comes here; the work is for the modal operator.
-            bpy.ops.virtual_aperture.solve("INVOKE_DEFAULT", again=True, sure=True)
+            self.once_more(sure=True)
             return {"CANCELLED"}
         return self.solve_now(context)
 

@@ -20,7 +20,7 @@ _keys: list[tuple[Any, Any]] = []
 
 def work() -> movie.MovieJob | None:
     """Return the movie or the export that is being made, if any."""
-    return movie.under_way() or export.under_way()
+    return movie.MovieJob.under_way() or export.ExportJob.under_way()
 
 
 class VIRTUAL_APERTURE_OT_close_blender(Named, bpy.types.Operator):  # noqa: N801

@@ -17,6 +17,7 @@ from ...scene.sources.shot import picture_size, reconstruction_of
 from ..base import operators
 from ..base.operators import Acts, Edits, Result, has_focus, has_solve, is_met, may_change, polls, requires
 from . import depth_ahead, movie
+from .movie import MovieJob
 
 
 def can_render(cls: Any, context: bpy.types.Context) -> bool:
@@ -101,11 +102,11 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
     )
 
     _asks = False
-    _movie: movie.MovieJob | None = None
+    _movie: MovieJob | None = None
     _timer: bpy.types.Timer | None = None
     _depth: Any = None
 
-    poll = polls(requires(lambda _: movie.under_way() is None, "A movie is being rendered"), can_render)
+    poll = polls(requires(lambda _: MovieJob.under_way() is None, "A movie is being rendered"), can_render)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if bpy.app.background or context.scene.virtual_aperture.render_as == "FRAMES":
@@ -122,11 +123,11 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
             return super().execute(context)
         if self._asks:
             # The answer to the question comes here; the work is for the modal operator.
-            bpy.ops.virtual_aperture.render_clip("INVOKE_DEFAULT", overwrite=True)
+            self.once_more(overwrite=True)
             return {"CANCELLED"}
         return operators.reported(VIRTUAL_APERTURE_OT_render_clip._now)(self, context)
 
-    def _begin(self, scene: bpy.types.Scene) -> movie.MovieJob:
+    def _begin(self, scene: bpy.types.Scene) -> MovieJob:
         settings = scene.virtual_aperture
         frame_options(settings, reconstruction_of(settings))
         check_output_path(scene)
