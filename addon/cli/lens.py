@@ -14,13 +14,7 @@ from ..core.base.errors import UserError
 from ..core.base.streams import say
 from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.user_maps import open_depth
-from ..core.focus.focus import (
-    Focus,
-    check_distance,
-    check_points,
-    largest_discs,
-    sharp_distances,
-)
+from ..core.focus.focus import Focus, check_distance, check_points, largest_discs, sharp_distances
 from ..core.focus.picking import unsolved
 from ..core.focus.place import Place
 from ..core.focus.pull import FocusMark

@@ -1,6 +1,6 @@
 """Everything that is registered with Blender, in one ordered list.
 
-Modules such as `background` and `focus_sync` are imported for their handlers (`scene.base.events`).
+`background` is imported for its handlers (`scene.base.events`).
 """
 
 import bpy
@@ -15,22 +15,12 @@ from ..render.views import frame_notes
 from ..scene import file_handlers, properties
 from ..scene.base import events, exr
 from ..scene.base import preferences as user_preferences
-from ..scene.focus import focus_sync
 from ..scene.gpu import main_thread
 from ..scene.sources import clip, shot
 from . import panels
 from .base.operators import classes_of
 from .base.solving import end_solve
-from .focus import (
-    bokeh,
-    focus_list,
-    focus_strip,
-    lens_amount,
-    lens_presets,
-    repair_list,
-    subjects,
-    thumbnails,
-)
+from .focus import bokeh, focus_list, focus_strip, lens_amount, lens_presets, subjects, thumbnails
 from .footage import choose_clip, file_import, find_clip, import_solve, photos, restore, solve, solve_view
 from .jobs import add, depth_ahead, export, first_person, movie, quit_question, render_clip, report_list
 from .panels import engine_panels, live_preview, preferences, wipe
@@ -43,7 +33,7 @@ CLASSES = (
     *classes_of(
         preferences, choose_clip, depth_ahead, solve, movie, render_clip, export, add, quit_question,
         find_clip, restore, photos, pick_vertices, focus_list, focus_strip, pick_focus, pick_subject,
-        paint_repair, subjects, repair_list, import_solve, file_import, lens_presets, lens_amount, set_scale,
+        paint_repair, subjects, import_solve, file_import, lens_presets, lens_amount, set_scale,
         report_list, live_preview, wipe,
     ),
     *panels.CLASSES,

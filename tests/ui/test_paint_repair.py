@@ -22,7 +22,7 @@ from addon.scene.lens.lens import frame_options
 from addon.scene.lens.repairs import repairs_of
 from addon.scene.sources.shot import shot_of
 from addon.ui import panels
-from addon.ui.focus.repair_list import VIRTUAL_APERTURE_UL_repairs
+from addon.ui.picking.paint_repair import VIRTUAL_APERTURE_UL_repairs
 
 from ..cli.tracked_plane import run, work
 from ..recorder import Recorder, draw

@@ -239,7 +239,8 @@ def write(settings: bpy.types.PropertyGroup) -> None:
     with lens.writing():
         _sort(settings)
         marks = marks_of(settings)
-        hidden = unseen_of(settings, marks)
+        frames = range(settings.clip_first, settings.clip_last + 1)
+        hidden = unseen(marks, reconstruction_of(settings), frames) if marks else []
         settings.marks.unseen = " ".join(map(str, hidden))
         if not marks:
             focus_curve.remove(settings)
@@ -253,12 +254,6 @@ def write(settings: bpy.types.PropertyGroup) -> None:
         settings.focus_distance = focus_curve.value(settings, clip_frame(settings.id_data))
         for mark in settings.marks.items:
             mark.distance = focus_curve.value(settings, mark.frame)
-
-
-def unseen_of(settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark]) -> list[int]:
-    """Return the frames of the clip that do not show a followed mark."""
-    frames = range(settings.clip_first, settings.clip_last + 1)
-    return unseen(marks, reconstruction_of(settings), frames) if marks else []
 
 
 def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> None:

@@ -14,6 +14,7 @@ import bpy
 from ...core.base.errors import UserError
 from ...core.base.lru_cache import remembered
 from ...core.focus import focus as core_focus
+from ...core.optics.zone import InFocusZone
 from ..base.timeline import clip_frame
 from ..sources.shot import reconstruction_of
 from . import lens
@@ -134,7 +135,10 @@ def sharp_distances(settings: bpy.types.PropertyGroup) -> tuple[float, float] | 
     try:
         reconstruction = reconstruction_of(settings)
         frame = lens.registered(reconstruction, clip_frame(settings.id_data))
-        radius, zone = lens.radius_of(settings, reconstruction), lens.zone_of(settings)
+        radius = lens.radius_of(settings, reconstruction)
+        zone = InFocusZone(
+            settings.zone_front, settings.zone_behind, settings.blur_in_front, settings.blur_behind
+        )
         return _sharp_distances(reconstruction, lens.focus_of(settings), frame, radius, zone)
     except UserError:
         # A render reports the error.

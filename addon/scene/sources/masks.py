@@ -1,5 +1,6 @@
 """Blender's mask datablock as a mask of moving pixels: its splines, frame by frame."""
 
+import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -74,6 +75,18 @@ class DrawnMask:
         if not mask.is_evaluated or frame not in self.layers:
             return True
         return _same(self.layers[frame], layers_of(mask))
+
+    @property
+    def digest(self) -> str:
+        """64 hexadecimal digits of its outlines and feathers over all frames."""
+        digest = hashlib.sha256()
+        for frame, layers in sorted(self.layers.items()):
+            for layer in layers:
+                own = layer.falloff, layer.alpha, layer.blend, layer.is_inverted, layer.overlaps
+                digest.update(repr((frame, own)).encode())
+                for outline in (*layer.outlines, *layer.feathers):
+                    digest.update(np.ascontiguousarray(outline).tobytes())
+        return digest.hexdigest()
 
 
 def drawn_mask(mask: bpy.types.Mask, frames: Iterable[int], size: tuple[int, int]) -> DrawnMask:

@@ -75,19 +75,10 @@ def requires(is_true: Callable[[bpy.types.Context], object], message: str) -> Co
     return lambda cls, context: is_met(cls, is_true(context), message)
 
 
-def is_idle(cls: Any, _context: bpy.types.Context) -> bool:
-    """Poll: no clip is being solved."""
-    return is_met(cls, running_solve() is None, "A clip is being solved; ESC cancels it")
-
-
-def has_clip(cls: Any, context: bpy.types.Context) -> bool:
-    """Poll: a clip is chosen."""
-    return is_met(cls, context.scene.virtual_aperture.footage, "Choose a clip first")
-
-
-def has_solve(cls: Any, context: bpy.types.Context) -> bool:
-    """Poll: the scene holds a solved clip."""
-    return is_met(cls, context.scene.virtual_aperture.points is not None, "Solve the clip first")
+is_idle = requires(lambda _: running_solve() is None, "A clip is being solved; ESC cancels it")
+has_clip = requires(lambda c: c.scene.virtual_aperture.footage, "Choose a clip first")
+has_solve = requires(lambda c: c.scene.virtual_aperture.points is not None, "Solve the clip first")
+"""Polls: no clip is being solved; a clip is chosen; the scene holds a solved clip."""
 
 
 def has_focus(cls: Any, context: bpy.types.Context) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import blf
 import bpy
 import numpy as np
 
@@ -301,8 +302,6 @@ def _draw_mark(
 
 
 def _text(text: str, middle: float, bottom: float, colour: tuple[float, ...], scale: float) -> None:
-    import blf
-
     blf.size(0, TEXT * scale)
     blf.color(0, *colour)
     blf.position(0, middle - blf.dimensions(0, text)[0] / 2, bottom, 0)

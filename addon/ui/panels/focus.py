@@ -3,7 +3,8 @@
 import bpy
 
 from ...scene.lens import blender_focus, depth_of_field, lens
-from ..focus import focus_list, repair_list, subjects
+from ..focus import focus_list, subjects
+from ..picking import paint_repair
 from .panel import ClosedPanel, split
 
 
@@ -57,7 +58,7 @@ class VIRTUAL_APERTURE_PT_repair(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
 
     def draw(self, context: bpy.types.Context) -> None:
-        repair_list.draw(split(self.layout), context)
+        paint_repair.draw(split(self.layout), context)
 
 
 class VIRTUAL_APERTURE_PT_subjects(ClosedPanel, bpy.types.Panel):  # noqa: N801

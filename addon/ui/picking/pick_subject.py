@@ -103,7 +103,8 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
             raise UserError(unsolved(solved, frame))
         name, strokes = self._subject(settings)
         made = with_stroke(strokes, Stroke(frame, places, not self.take_away), self.extend)
-        self._check(made)
+        if not any(stroke.adds for stroke in made):
+            raise UserError("there is nothing to take away from yet; mark the subject first")
         subjects.set_strokes(settings, name, made)
         redraw.panels()
         return f"{name} is marked at frame {frame}"
@@ -114,10 +115,6 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         if active is None:
             return subjects.free_name(settings), ()
         return active.name, subjects.strokes_of(active)
-
-    def _check(self, strokes: tuple[Stroke, ...]) -> None:
-        if not any(stroke.adds for stroke in strokes):
-            raise UserError("there is nothing to take away from yet; mark the subject first")
 
     def overlay(self) -> Overlay:
         return Overlay(self._view, self._scene)

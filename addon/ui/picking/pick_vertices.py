@@ -30,9 +30,10 @@ def focus_on(
     released = blender_focus.release(settings)
     after = f"; {released} is no longer the focus object" if released else ""
     if focus_marks.are_keys_users(settings):
-        inverse = float(np.mean([1 / place.distance for place in places]))
-        lens.key_distance(settings, 1 / inverse)
-        keyed = f"he focus distance is keyed at frame {clip_frame(settings.id_data)}"
+        now = clip_frame(settings.id_data)
+        settings.focus_distance = 1 / float(np.mean([1 / place.distance for place in places]))
+        settings.id_data.keyframe_insert(settings.path_from_id("focus_distance"), frame=now)
+        keyed = f"he focus distance is keyed at frame {now}"
         said = f"{marked}; t{keyed}" if marked else f"T{keyed}"
     else:
         mark = focus_marks.put(settings, frame, places, add)
