@@ -5,7 +5,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from ..core.media.fixed_area import FIXED
 from ..core.media.picture_tags import MOST_ASPECT
-from .base.option_properties import hidden, property_of
+from .base.option_properties import hidden, path_property, property_of
 from .lens_properties import aperture_changed
 from .sources import colour_space, hdr_view
 from .sources.subjects import VirtualApertureSubjects
@@ -19,18 +19,12 @@ def _space_changed(settings: bpy.types.PropertyGroup, context: bpy.types.Context
 class ClipProperties:
     """The clip."""
 
-    footage: StringProperty(
-        name="Clip",
-        description="Video file, image folder, or a pattern such as shot_####.png",
-        subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
-    )
-    work_dir: StringProperty(
-        name="Working Folder",
-        description="Folder for the solve. Leave empty to keep it next to the .blend, named after the clip,"
+    footage: path_property("Clip", "Video file, image folder, or a pattern such as shot_####.png")
+    work_dir: path_property(
+        "Working Folder",
+        "Folder for the solve. Leave empty to keep it next to the .blend, named after the clip,"
         " or in the Cache Folder of the preferences",
         subtype="DIR_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     stills: BoolProperty(
         name="Unordered Photos",
@@ -77,13 +71,11 @@ class ClipProperties:
         min=0.0,
         max=MOST_ASPECT,
     )
-    depth_maps: StringProperty(
-        name="Depth Maps",
-        description="Your own depth maps: a folder of EXR, 16-bit PNG or .npz files, or a single .npz or"
+    depth_maps: path_property(
+        "Depth Maps",
+        "Your own depth maps: a folder of EXR, 16-bit PNG or .npz files, or a single .npz or"
         " .zip. Depth, inverse depth or disparity at any scale; the feature points settle which. A depth"
         " network (.onnx) is run on the clip. Leave empty to use depth found from the clip alone",
-        subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         update=aperture_changed,
     )
     colour_space: StringProperty(
@@ -93,12 +85,10 @@ class ClipProperties:
         search=lambda _settings, _context, _typed: colour_space.names(),
         update=_space_changed,
     )
-    masks: StringProperty(
-        name="Masks",
-        description="Mattes of moving objects: a folder, or one image of a sequence. White or opaque moves,"
+    masks: path_property(
+        "Masks",
+        "Mattes of moving objects: a folder, or one image of a sequence. White or opaque moves,"
         " gray moves in part. Leave empty to rely on what is found in the clip",
-        subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     mask: PointerProperty(
         type=bpy.types.Mask,

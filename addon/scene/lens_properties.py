@@ -1,5 +1,7 @@
 """Settings of the lens: focus, blur and aperture."""
 
+from typing import Any
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
@@ -53,6 +55,18 @@ def _restore(settings: bpy.types.PropertyGroup, on: bool) -> None:
         settings.highlights = 1.0 if on else 0.0
 
 
+def _lean(name: str, side: str) -> Any:
+    return FloatProperty(
+        name=name,
+        description=f"How far the {side} of the focal plane leans away from the camera, pivoting on the"
+        " optical axis",
+        subtype="ANGLE",
+        min=-MOST_TILT,
+        max=MOST_TILT,
+        update=aperture_changed,
+    )
+
+
 class LensProperties:
     """Focus, blur and aperture."""
 
@@ -89,24 +103,8 @@ class LensProperties:
         description="Tilt the focal plane to pass through the picked points (three or more)",
         update=aperture_changed,
     )
-    focus_tilt: FloatProperty(
-        name="Tilt",
-        description="How far the top of the focal plane leans away from the camera, pivoting on the optical"
-        " axis",
-        subtype="ANGLE",
-        min=-MOST_TILT,
-        max=MOST_TILT,
-        update=aperture_changed,
-    )
-    focus_swing: FloatProperty(
-        name="Swing",
-        description="How far the right side of the focal plane leans away from the camera, pivoting on the"
-        " optical axis",
-        subtype="ANGLE",
-        min=-MOST_TILT,
-        max=MOST_TILT,
-        update=aperture_changed,
-    )
+    focus_tilt: _lean("Tilt", "top")
+    focus_swing: _lean("Swing", "right side")
     blur: FloatProperty(
         name="Blur",
         description="Diameter of the farthest background's blur disc, as a fraction of the image width, with"

@@ -19,11 +19,11 @@ from ...scene.base.timeline import clip_frame
 from ...scene.lens.repairs import repairs_of
 from ...scene.sources import subjects
 from ...scene.sources.shot import Shot, shot_of
-from ..base.background_work import WorksMeanwhile
 from ..base.operators import Acts, has_solve, may_change, polls, requires
+from ..base.work import WorksMeanwhile
 from ..jobs.report_list import VIRTUAL_APERTURE_OT_jump_to_frame, next_of
 from ..picking.pick_subject import VIRTUAL_APERTURE_OT_pick_subject
-from ..picking.pick_vertices import focus_on
+from ..picking.pick_vertices import ADD_MARK, focus_on
 
 
 class VIRTUAL_APERTURE_UL_subjects(bpy.types.UIList):  # noqa: N801
@@ -75,12 +75,7 @@ class VIRTUAL_APERTURE_OT_focus_subject(WorksOnActive, bpy.types.Operator):  # n
     bl_label = "Focus on Subject"
     doing = "Finding the subject's distance in all frames"
 
-    add: bpy.props.BoolProperty(
-        name="Add Mark",
-        description="Add a second focus mark at the current frame instead of replacing the first, so that"
-        " focus is pulled to it",
-        options={"SKIP_SAVE"},
-    )
+    add: ADD_MARK
 
     def work_on(self, shot: Shot, repairs: Sequence[Repair]) -> Callable[[], Place]:
         return partial(subject_place, shot, self._name, self._frame, repairs)

@@ -34,10 +34,6 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
     # Blender shows it where other handlers take the file, too.
     bl_label = "Solve with Virtual Aperture"
 
-    sure: bpy.props.BoolProperty(
-        name="Do Not Ask", description="The user has confirmed", options={"SKIP_SAVE", "HIDDEN"}
-    )
-
     _invoked = False
     _is_answer = False
 

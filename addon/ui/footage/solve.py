@@ -114,6 +114,10 @@ class Solves(Named):
 
     bl_options = {"UNDO"}  # noqa: RUF012
 
+    sure: bpy.props.BoolProperty(
+        name="Do Not Ask", description="The user has confirmed", options={"SKIP_SAVE", "HIDDEN"}
+    )
+
     again = False
     _process: Solving | None = None
     _timer: bpy.types.Timer | None = None
@@ -257,9 +261,6 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
         name="Solve Again",
         description="Solve even if the working folder already holds a solve",
         options={"SKIP_SAVE"},
-    )
-    sure: bpy.props.BoolProperty(
-        name="Do Not Ask", description="The user has confirmed", options={"SKIP_SAVE", "HIDDEN"}
     )
 
     _asks = False

@@ -13,10 +13,9 @@ from ...scene.base.timeline import clip_frame
 from ...scene.lens import repairs
 from ...scene.sources.shot import reconstruction_of
 from ..base.operators import Edits, Result, may_change, polls, requires
-from .pick_in_view import PicksInView
+from .pick_in_view import EXAMPLE, STROKE, PicksInView
 from .pick_view import Overlay
 
-EXAMPLE = "0.44,0.26 0.45,0.5"
 FINER = 0.85
 """Factor on the brush with each press of [."""
 
@@ -29,11 +28,7 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
 
     bl_label = "Paint Repair"
 
-    places: bpy.props.StringProperty(
-        name="Places",
-        description=f"Corners of the stroke as fractions of the image from the top left, such as {EXAMPLE}",
-        options={"SKIP_SAVE"},
-    )
+    places: STROKE
     reference: bpy.props.StringProperty(
         name="Reference",
         description="Place with the right depth, for Same as Here, such as 0.4,0.5",

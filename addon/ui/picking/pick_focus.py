@@ -12,7 +12,7 @@ from ...scene.focus.clicks import place_at
 from ...scene.lens import aperture_cloud
 from ..base.operators import Result
 from .pick_place import PicksPlaces
-from .pick_vertices import focus_on
+from .pick_vertices import ADD_MARK, focus_on
 from .pick_view import XY
 
 
@@ -24,12 +24,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
 
     bl_label = "Pick Focus"
 
-    add: bpy.props.BoolProperty(
-        name="Add Mark",
-        description="Add a second focus mark at the current frame instead of replacing the first, so that"
-        " focus is pulled to it",
-        options={"SKIP_SAVE"},
-    )
+    add: ADD_MARK
     x: bpy.props.FloatProperty(
         name="X",
         description="Position from the left, as a fraction of the image width",

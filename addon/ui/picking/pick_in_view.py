@@ -15,6 +15,14 @@ from ..base.operators import Acts, Result, has_solve, may_change, polls, reporte
 from ..base.work import Work
 from .pick_view import XY, CameraView, Overlay
 
+EXAMPLE = "0.44,0.26 0.45,0.5"
+STROKE = bpy.props.StringProperty(
+    name="Places",
+    description=f"Corners of the stroke as fractions of the image from the top left, such as {EXAMPLE}",
+    options={"SKIP_SAVE"},
+)
+"""Property of operators that draw a stroke."""
+
 
 class PicksInView(Acts):
     """A mixin of modal operators that draw an overlay over the camera view meanwhile."""

@@ -16,10 +16,9 @@ from ...scene.sources import subjects
 from ...scene.sources.shot import Shot, reconstruction_of
 from ..base.operators import Result
 from ..base.work import LOOK, Work
-from .pick_in_view import PicksInView
+from .pick_in_view import EXAMPLE, STROKE, PicksInView
 from .pick_view import Overlay
 
-EXAMPLE = "0.44,0.26 0.45,0.5"
 NOTHING = "There is nothing to take away from yet"
 CORNERS = 5
 """Corners of the stroke that marks a found person."""
@@ -64,11 +63,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         description="Mark another subject instead of the active one",
         options={"SKIP_SAVE"},
     )
-    places: bpy.props.StringProperty(
-        name="Places",
-        description=f"Corners of the stroke as fractions of the image from the top left, such as {EXAMPLE}",
-        options={"SKIP_SAVE"},
-    )
+    places: STROKE
     extend: bpy.props.BoolProperty(
         name="Extend",
         description="Keep the strokes the subject has in the current frame",

@@ -18,6 +18,14 @@ from ...scene.sources import subjects
 from ...scene.sources.shot import reconstruction_of
 from ..base.operators import Edits, has_points, polls
 
+ADD_MARK = bpy.props.BoolProperty(
+    name="Add Mark",
+    description="Add a second focus mark at the current frame instead of replacing the first, so that focus"
+    " is pulled to it",
+    options={"SKIP_SAVE"},
+)
+"""Property of operators that call `focus_on`."""
+
 
 def focus_on(
     settings: bpy.types.PropertyGroup, frame: int, places: Sequence[Place], add: bool = False
