@@ -222,10 +222,7 @@ def shown_radius(settings: bpy.types.PropertyGroup, held: float, _is_set: bool) 
 
 @remembered(1)
 def _unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
-    """The radius of an aperture with a blur of 1 at a frame; UserError where nothing is to be blurred.
-
-    It is remembered, as panels are drawn often while nothing changes.
-    """
+    """The radius of an aperture with a blur of 1 at a frame; UserError where nothing is to be blurred."""
     return radius_for_blur(reconstruction, focus, frame, 1.0)
 
 

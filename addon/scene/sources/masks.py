@@ -1,7 +1,7 @@
 """Blender's mask datablock as a mask of moving pixels: its splines, frame by frame."""
 
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import bpy
@@ -117,11 +117,12 @@ def layers_of(mask: bpy.types.Mask) -> tuple[Layer, ...]:
     """Return the layers of a mask at the frame that it is evaluated at."""
     return tuple(
         Layer(
-            *_outlines([each for each in layer.splines if each.use_fill and len(each.points) > 1]),
+            tuple(map(_outline, splines)), tuple(map(_feather, splines)),
             layer.falloff, layer.alpha, layer.blend, layer.invert, layer.use_fill_overlap,
         )
         for layer in mask.layers
         if not layer.hide_render
+        for splines in [[each for each in layer.splines if each.use_fill and len(each.points) > 1]]
     )  # fmt: skip
 
 
@@ -129,10 +130,6 @@ def follows_tracks(mask: bpy.types.Mask) -> bool:
     """Return whether points of the mask have tracks for parents, which are ignored."""
     points = (point for layer in mask.layers for spline in layer.splines for point in spline.points)
     return any(point.parent.id is not None for point in points)
-
-
-def _outlines(splines: Sequence[bpy.types.MaskSpline]) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
-    return tuple(map(_outline, splines)), tuple(map(_feather, splines))
 
 
 def _feather(spline: bpy.types.MaskSpline) -> Floats:

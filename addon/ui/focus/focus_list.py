@@ -11,6 +11,7 @@ from ...scene.focus.kept_places import at_distance
 from ...scene.lens import aperture_cloud, blender_focus
 from ...scene.lens.depth_of_field import length_words
 from ..base.operators import Acts, Edits, has_focus, has_solve, is_met, may_change, polls, requires
+from ..base.text import list_row
 from ..jobs.report_list import next_of
 from ..picking.pick_vertices import focus_on
 from . import thumbnails
@@ -184,12 +185,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the list, its operators, and the settings of the active mark."""
     settings = context.scene.virtual_aperture
     group = settings.marks
-    row = layout.row()
-    row.template_list(
-        "VIRTUAL_APERTURE_UL_focus_marks", "", group, "items", group, "active",
-        rows=max(2, min(len(group.items), 5)),
-    )  # fmt: skip
-    side = row.column(align=True)
+    side = list_row(layout, "focus_marks", group).column(align=True)
     side.operator("virtual_aperture.pick_focus", text="", icon="ADD").add = True
     side.operator(VIRTUAL_APERTURE_OT_remove_focus_mark.bl_idname, text="", icon="REMOVE")
     side.operator(VIRTUAL_APERTURE_OT_hold_focus.bl_idname, text="", icon="KEYFRAME")

@@ -20,6 +20,7 @@ from ...scene.lens.repairs import repairs_of
 from ...scene.sources import subjects
 from ...scene.sources.shot import Shot, shot_of
 from ..base.operators import Acts, has_solve, may_change, polls, requires
+from ..base.text import list_row
 from ..base.work import WorksMeanwhile
 from ..jobs.report_list import VIRTUAL_APERTURE_OT_jump_to_frame, next_of
 from ..picking.pick_subject import VIRTUAL_APERTURE_OT_pick_subject
@@ -173,12 +174,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator(VIRTUAL_APERTURE_OT_follow_nearest.bl_idname, icon="COMMUNITY")
     if not len(group.items):
         return
-    row = layout.row()
-    row.template_list(
-        "VIRTUAL_APERTURE_UL_subjects", "", group, "items", group, "active",
-        rows=max(2, min(len(group.items), 5)),
-    )  # fmt: skip
-    side = row.column(align=True)
+    side = list_row(layout, "subjects", group).column(align=True)
     side.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, text="", icon="ADD").new = True
     side.operator(VIRTUAL_APERTURE_OT_remove_subject.bl_idname, text="", icon="REMOVE")
     layout.operator(VIRTUAL_APERTURE_OT_focus_subject.bl_idname, icon="CON_TRACKTO")

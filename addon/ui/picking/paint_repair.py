@@ -13,6 +13,7 @@ from ...scene.base.timeline import clip_frame
 from ...scene.lens import repairs
 from ...scene.sources.shot import reconstruction_of
 from ..base.operators import Edits, Result, may_change, polls, requires
+from ..base.text import list_row
 from .pick_in_view import EXAMPLE, STROKE, PicksInView
 from .pick_view import Overlay
 
@@ -171,10 +172,5 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     amount.prop(group, "amount")
     layout.operator(VIRTUAL_APERTURE_OT_paint_repair.bl_idname, icon="BRUSH_DATA")
     if len(group.items):
-        row = layout.row()
-        row.template_list(
-            "VIRTUAL_APERTURE_UL_repairs", "", group, "items", group, "active",
-            rows=max(2, min(len(group.items), 5)),
-        )  # fmt: skip
         remove = VIRTUAL_APERTURE_OT_remove_repair.bl_idname
-        row.operator(remove, text="", icon="REMOVE")
+        list_row(layout, "repairs", group).operator(remove, text="", icon="REMOVE")
