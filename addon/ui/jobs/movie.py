@@ -141,6 +141,7 @@ class Cancels(Named):
 
     job: type[MovieJob]
     said: str
+    """A line for the user."""
 
     def execute(self: Any, _context: bpy.types.Context) -> Result:
         self.job.stop()
