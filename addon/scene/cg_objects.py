@@ -22,7 +22,7 @@ STAYS_SHARP_SWITCH = BoolProperty(
     " where they are out of focus",
     options=set(),
 )
-"""and what it is."""
+"""and its declaration."""
 MOST_LAYERS = 6
 """Layers of CG objects; each is a separate render."""
 
