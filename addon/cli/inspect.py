@@ -8,6 +8,7 @@ from pathlib import Path
 
 import bpy
 
+from ..core.base.atomic import write_bytes
 from ..core.base.errors import UserError
 from ..core.base.file_names import check_file
 from ..core.base.streams import say
@@ -15,7 +16,7 @@ from ..core.frame.inspection import NAMES, Shown
 from ..core.frame.report import FrameReport
 from ..core.sfm.workspace import load_solve
 from ..render.output import output
-from ..render.output.run_report import Inspector, replaced, write_picture
+from ..render.output.run_report import Inspector, write_picture
 from ..render.views.average import render_frame
 from ..render.views.frame_size import render_size
 from ..render.views.gpu_views import check_gpu
@@ -72,7 +73,7 @@ def inspect(options: argparse.Namespace) -> None:
         file.unlink()
     for name, picture in pictures.items():
         write_picture(out / f"{name}.png", picture)
-    replaced(out / REPORT, lambda part: part.write_text(json.dumps(report.as_dict(), indent=1) + "\n"))
+    write_bytes(out / REPORT, f"{json.dumps(report.as_dict(), indent=1)}\n".encode())
     for line in report.words():
         say(line)
     say(f"wrote {', '.join(pictures)} and {REPORT} into {options.out}")

@@ -7,20 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import bpy
-import numpy as np
 
 from ..core.base.counting import ranges
 from ..core.base.errors import UserError
 from ..core.base.streams import say
 from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.user_maps import open_depth
-from ..core.focus.focus import (
-    Focus,
-    check_distance,
-    check_points,
-    largest_discs,
-    sharp_distances,
-)
+from ..core.focus.focus import Focus, check_distance, check_points, largest_discs, sharp_distances
 from ..core.focus.picking import unsolved
 from ..core.focus.place import Place
 from ..core.focus.pull import FocusMark
@@ -38,7 +31,7 @@ from ..scene.build import build
 from ..scene.focus import focus_marks
 from ..scene.focus.clicks import place_at
 from ..scene.lens import aperture_cloud
-from ..scene.lens.lens import frame_options
+from ..scene.lens.lens import frame_options, registered
 from ..scene.lens.repairs import add_repairs, repairs_of
 from ..scene.properties import VirtualApertureSettings
 from ..scene.sources import colour_space
@@ -265,7 +258,4 @@ def _sharp(reconstruction: Reconstruction, lens: FrameOptions, frame: int) -> st
 def _registered(reconstruction: Reconstruction, frames: Sequence[int]) -> int:
     """The first of `frames` with a camera, or the nearest to the first of them."""
     own = reconstruction.frames
-    found = [frame for frame in frames if frame in own]
-    if found or not len(frames):
-        return int(found[0] if found else own[0])
-    return int(own[np.abs(own - frames[0]).argmin()])
+    return registered(reconstruction, [*(f for f in frames if f in own), *frames, int(own[0])][0])

@@ -185,17 +185,15 @@ def check_numbers(options: argparse.Namespace) -> None:
             "one of --focus-at, --focus-point, --focus-plane, --focus-distance and --focus-subject is"
             " needed; see --help"
         )
-    for name, value in (("--blur", options.blur), ("--aperture-radius", options.aperture_radius)):
-        if value is not None and not value > 0:
-            raise UserError(f"{name} is {value:g}; it must be greater than zero")
+    for name in ("blur", "aperture_radius", "focus_distance"):
+        if (value := getattr(options, name)) is not None and not value > 0:
+            raise UserError(f"--{name.replace('_', '-')} is {value:g}; it must be greater than zero")
     if options.blur is not None and options.blur > MOST_BLUR:
         meant = f"; for {options.blur:g}% write {options.blur / 100:g}" if options.blur >= 1 else ""
         raise UserError(
             f"the blur is {options.blur:g}, which is {100 * options.blur:g}% of the image width{meant};"
             f" at most {MOST_BLUR:g} can be drawn"
         )
-    if options.focus_distance is not None and not options.focus_distance > 0:
-        raise UserError(f"--focus-distance is {options.focus_distance:g}; it must be greater than zero")
     if options.repair:
         read_repairs(options.repair)
     _check_places(_focus_places(options))

@@ -214,7 +214,7 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
         missing = f"{counted(len(unregistered), 'frame')} not registered"
         say(f"{missing}; their cameras are interpolated: {ranges(unregistered)}")
     run_report = _draw(scene, frames, options)
-    if repaired := shot_of(scene).repaired:
+    if repaired := shot_of(scene).clip.repaired:
         text = (
             f"{sum(repaired.values())} pixels of {len(repaired)} frames were not finite (NaN or infinite)"
             f" and were filled in: {ranges(sorted(repaired))}"

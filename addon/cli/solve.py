@@ -32,10 +32,7 @@ def add_commands(commands: Commands, common: argparse.ArgumentParser) -> None:
     )
     add_footage(one)
     one.add_argument("--work", type=path, required=True, metavar="DIR", help="folder of the solve")
-    one.add_argument(
-        "--frames", dest="solve_frames", type=FrameRange.parse, metavar="A-B[:STEP]",
-        help="frames of the clip to solve",
-    )  # fmt: skip
+    add_solve_frames(one, "--frames", "frames of the clip to solve")
     one.add_argument(
         "--depth-maps", type=path, metavar="PATH",
         help="your own depth maps, for a clip whose camera only turns or does not move",
@@ -63,10 +60,7 @@ def add_commands(commands: Commands, common: argparse.ArgumentParser) -> None:
         help="the clip that was solved (a phone's recording includes it)",
     )
     three.add_argument("--work", type=path, required=True, metavar="DIR", help="folder of the solve")
-    three.add_argument(
-        "--frames", dest="solve_frames", type=FrameRange.parse, metavar="A-B[:STEP]",
-        help="frames of the clip that were solved (all)",
-    )  # fmt: skip
+    add_solve_frames(three, "--frames", "frames of the clip that were solved (all)")
     which = three.add_mutually_exclusive_group()
     which.add_argument("--clip", metavar="NAME", help="the movie clip in the .blend")
     which.add_argument(
@@ -117,12 +111,13 @@ def add_pixel_aspect(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def add_solve_frames(command: argparse.ArgumentParser) -> None:
-    """Add `--solve-frames`, for commands whose `--frames` are the rendered ones."""
-    command.add_argument(
-        "--solve-frames", type=FrameRange.parse, metavar="A-B[:STEP]",
-        help="frames of the clip to solve, such as one of several shots (all)",
-    )  # fmt: skip
+def add_solve_frames(
+    command: argparse.ArgumentParser,
+    name: str = "--solve-frames",
+    text: str = "frames of the clip to solve, such as one of several shots (all)",
+) -> None:
+    """Add the frames to solve: `--solve-frames` where a command's `--frames` are the rendered ones."""
+    command.add_argument(name, dest="solve_frames", type=FrameRange.parse, metavar="A-B[:STEP]", help=text)
 
 
 def solve_arguments(options: argparse.Namespace) -> list[str]:

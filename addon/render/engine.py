@@ -18,6 +18,7 @@ from ..core.base.progress import Cancelled, OnProgress, checkpoint, reporting, s
 from ..core.frame.detail import enlarged_values
 from ..core.frame.frame_path import Drawn
 from ..core.frame.passes import circle_of_confusion, depth, in_focus
+from ..core.frame.plan import FrameOptions
 from ..core.frame.warped_frame import WarpedFrame
 from ..scene import passes
 from ..scene.base.remedy_words import WORDS
@@ -185,10 +186,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         """The frame (H, W, 4) and passes (H, W, 1) of a view layer, by name, at the scene's own `number`."""
         names = passes.wanted(layer)
         with stage("Clip", 0.0, 0.0):
-            shot = shot_of(scene)
-        frame = shot.frame_at(clip_frame(scene))
-        check_shape(shot, frame, size)
-        lens = frame_options(scene.virtual_aperture, shot.reconstruction)
+            shot, frame, lens = lens_of(scene, size)
         pictures: dict[str, LinearRGBA] = {}
 
         def on_frame(drawn: Drawn) -> None:
@@ -227,11 +225,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         """Where somebody looks, and depth must be found, show a first look at the frame meanwhile."""
         shown = None
         if not (bpy.app.background or self.is_animation):
-            shot = shot_of(scene)
-            frame = shot.frame_at(clip_frame(scene))
-            check_shape(shot, frame, size)
-            lens = frame_options(scene.virtual_aperture, shot.reconstruction)
-            wanted = Wanted(shot, frame, lens, size)
+            wanted = Wanted(*lens_of(scene, size), size)
             # Errors of the frame are reported when it is drawn.
             with suppress(UserError):
                 if not has_depth(wanted):
@@ -295,7 +289,15 @@ def frame_title(scene: bpy.types.Scene, is_animation: bool) -> str:
     return f"Frame {(scene.frame_current - start) // step + 1} of {(end - start) // step + 1}"
 
 
-def check_shape(shot: Shot, frame: int, size: tuple[int, int]) -> None:
-    """Raise UserError where the render has not the shape of the clip's frame, which would be stretched."""
+def lens_of(scene: bpy.types.Scene, size: tuple[int, int]) -> tuple[Shot, int, FrameOptions]:
+    """Return a scene's shot, the clip's frame and the lens.
+
+    Raises:
+        UserError: One is missing, or the render's size has another shape than the clip, which would be
+            stretched.
+    """
+    shot = shot_of(scene)
+    frame = shot.frame_at(clip_frame(scene))
     if problem := shape_problem(size, shot.size(frame)):
         raise UserError(problem)
+    return shot, frame, frame_options(scene.virtual_aperture, shot.reconstruction)

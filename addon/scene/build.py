@@ -1,6 +1,5 @@
 """Bring a solved clip into a Blender scene: one collection, one root, everything under it."""
 
-import contextlib
 import itertools
 import math
 import os
@@ -285,9 +284,7 @@ def _set_output(scene: bpy.types.Scene, footage: Footage, is_other: bool) -> Non
     folder = folder.with_name(f"{folder.stem.rstrip(' _-.')}_render")
     if is_other:
         folder = _without_files(folder)
-    path = str(folder)
-    with contextlib.suppress(ValueError):  # another drive
-        path = bpy.path.relpath(path) if saved else path
+    path = relative(folder)
     # A path that ends in a separator is a folder, in which files are named by their frames.
     render.filepath = path + ("/" if path.startswith("//") else os.sep)
     scene.virtual_aperture.output = render.filepath

@@ -15,7 +15,14 @@ GEOMETRY = {
 SKY = {"TEX_ENVIRONMENT", "TEX_SKY"}
 """Types of a world's nodes with light from somewhere, and so shadows."""
 STAYS_SHARP = "virtual_aperture_stays_sharp"
-"""Property of objects that no lens blurs."""
+"""Property of objects that no lens blurs,"""
+STAYS_SHARP_SWITCH = BoolProperty(
+    name="Stays Sharp",
+    description="No lens blurs this object, as a title: nearer surfaces of the clip still hide it, softly"
+    " where they are out of focus",
+    options=set(),
+)
+"""and its declaration."""
 MOST_LAYERS = 6
 """Layers of CG objects; each is a separate render."""
 
@@ -55,22 +62,6 @@ def has_shadows(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> bool:
 def stays_sharp(thing: bpy.types.Object) -> bool:
     """Return whether an object stays sharp at any distance."""
     return bool(getattr(thing, STAYS_SHARP))
-
-
-def register() -> None:
-    """Give objects their switch."""
-    made = BoolProperty(
-        name="Stays Sharp",
-        description="No lens blurs this object, as a title: nearer surfaces of the clip still hide it, softly"
-        " where they are out of focus",
-        options=set(),
-    )
-    setattr(bpy.types.Object, STAYS_SHARP, made)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    delattr(bpy.types.Object, STAYS_SHARP)
 
 
 def split_by_depth(

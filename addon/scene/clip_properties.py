@@ -5,7 +5,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from ..core.media.fixed_area import FIXED
 from ..core.media.picture_tags import MOST_ASPECT
-from .base.option_properties import property_of
+from .base.option_properties import hidden, path_property, property_of
 from .lens_properties import aperture_changed
 from .sources import colour_space, hdr_view
 from .sources.subjects import VirtualApertureSubjects
@@ -19,18 +19,12 @@ def _space_changed(settings: bpy.types.PropertyGroup, context: bpy.types.Context
 class ClipProperties:
     """The clip."""
 
-    footage: StringProperty(
-        name="Clip",
-        description="Video file, image folder, or a pattern such as shot_####.png",
-        subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
-    )
-    work_dir: StringProperty(
-        name="Working Folder",
-        description="Folder for the solve. Leave empty to keep it next to the .blend, named after the clip,"
+    footage: path_property("Clip", "Video file, image folder, or a pattern such as shot_####.png")
+    work_dir: path_property(
+        "Working Folder",
+        "Folder for the solve. Leave empty to keep it next to the .blend, named after the clip,"
         " or in the Cache Folder of the preferences",
         subtype="DIR_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     stills: BoolProperty(
         name="Unordered Photos",
@@ -76,15 +70,12 @@ class ClipProperties:
         " half its width. 0: what the file says, else 1",
         min=0.0,
         max=MOST_ASPECT,
-        default=0.0,
     )
-    depth_maps: StringProperty(
-        name="Depth Maps",
-        description="Your own depth maps: a folder of EXR, 16-bit PNG or .npz files, or a single .npz or"
+    depth_maps: path_property(
+        "Depth Maps",
+        "Your own depth maps: a folder of EXR, 16-bit PNG or .npz files, or a single .npz or"
         " .zip. Depth, inverse depth or disparity at any scale; the feature points settle which. A depth"
         " network (.onnx) is run on the clip. Leave empty to use depth found from the clip alone",
-        subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         update=aperture_changed,
     )
     colour_space: StringProperty(
@@ -94,12 +85,10 @@ class ClipProperties:
         search=lambda _settings, _context, _typed: colour_space.names(),
         update=_space_changed,
     )
-    masks: StringProperty(
-        name="Masks",
-        description="Mattes of moving objects: a folder, or one image of a sequence. White or opaque moves,"
+    masks: path_property(
+        "Masks",
+        "Mattes of moving objects: a folder, or one image of a sequence. White or opaque moves,"
         " gray moves in part. Leave empty to rely on what is found in the clip",
-        subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     mask: PointerProperty(
         type=bpy.types.Mask,
@@ -111,18 +100,10 @@ class ClipProperties:
     subjects: PointerProperty(
         type=VirtualApertureSubjects, name="Subjects", description="Moving subjects marked by strokes"
     )
-    clip_identity: StringProperty(
-        name="Identity", description="Fingerprint of the solved clip", options={"HIDDEN"}
-    )
-    clip_name: StringProperty(name="Name", description="Name of the solved clip", options={"HIDDEN"})
-    clip_notes: StringProperty(
-        name="Notes", description="Remarks about the solved clip, one per line", options={"HIDDEN"}
-    )
-    clip_first: IntProperty(name="First Frame", description="First solved frame", options={"HIDDEN"})
-    clip_last: IntProperty(name="Last Frame", description="Last solved frame", options={"HIDDEN"})
-    clip_pixel_aspect: FloatProperty(
-        name="Pixel Aspect", description="Pixel aspect the clip was solved with", options={"HIDDEN"}
-    )
-    clip_step: IntProperty(
-        name="Frame Step", description="Step from one solved frame to the next", default=1, options={"HIDDEN"}
-    )
+    clip_identity: hidden(StringProperty, "Identity", "Fingerprint of the solved clip")
+    clip_name: hidden(StringProperty, "Name", "Name of the solved clip")
+    clip_notes: hidden(StringProperty, "Notes", "Remarks about the solved clip, one per line")
+    clip_first: hidden(IntProperty, "First Frame", "First solved frame")
+    clip_last: hidden(IntProperty, "Last Frame", "Last solved frame")
+    clip_pixel_aspect: hidden(FloatProperty, "Pixel Aspect", "Pixel aspect the clip was solved with")
+    clip_step: hidden(IntProperty, "Frame Step", "Step from one solved frame to the next", default=1)

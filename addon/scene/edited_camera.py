@@ -7,6 +7,7 @@ import numpy as np
 
 from ..core.base.arrays import Floats
 from ..core.base.errors import UserError
+from ..core.base.lru_cache import remembered
 from ..core.camera.reconstruction import Reconstruction
 from . import parts
 from .solve.camera import INTRINSICS, POSE, UNMOVED, VIEW, curves_of, pixel_aspect, rotations_of, view_of
@@ -41,23 +42,14 @@ def edits(scene: bpy.types.Scene) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-_last: tuple[Reconstruction, tuple[Expected, Expected, dict[str, object]]] | None = None
-"""Panels ask at every redraw."""
-
-
+@remembered(1)
 def _solved(reconstruction: Reconstruction) -> tuple[Expected, Expected, dict[str, object]]:
-    """The camera's pose, its animated lens and its other properties as solved; the last are remembered."""
-    global _last
-    if _last is None or _last[0] is not reconstruction:
-        views = [view_of(reconstruction.intrinsics(image)) for image in reconstruction.images]
-        places = np.array([image.centre for image in reconstruction.images])
-        pose = dict(zip(POSE, (places, rotations_of(reconstruction)), strict=True))
-        lens = {path: np.array([[view[path]] for view in views]) for path in INTRINSICS}
-        _last = (
-            reconstruction,
-            (pose, lens, {path: views[0][path] for path in VIEW if path not in INTRINSICS}),
-        )
-    return _last[1]
+    """The camera's pose, its animated lens and its other properties as solved: panels ask at every redraw."""
+    views = [view_of(reconstruction.intrinsics(image)) for image in reconstruction.images]
+    places = np.array([image.centre for image in reconstruction.images])
+    pose = dict(zip(POSE, (places, rotations_of(reconstruction)), strict=True))
+    lens = {path: np.array([[view[path]] for view in views]) for path in INTRINSICS}
+    return pose, lens, {path: views[0][path] for path in VIEW if path not in INTRINSICS}
 
 
 def _animated(data: bpy.types.ID, expected: Expected, reconstruction: Reconstruction) -> Iterator[str]:

@@ -3,13 +3,14 @@
 from pathlib import Path
 
 import bpy
-from bpy.app.handlers import persistent
 
 from .base import paths
+from .base.events import at
 from .base.version import VERSION
 from .focus import from_1_0
 
 
+@at("save_pre")
 def _on_save(*_: object) -> None:
     for scene in bpy.data.scenes:
         settings = scene.virtual_aperture
@@ -17,6 +18,7 @@ def _on_save(*_: object) -> None:
             settings.version = VERSION
 
 
+@at("load_post")
 def _on_load(*_: object) -> None:
     for scene in bpy.data.scenes:
         settings = scene.virtual_aperture
@@ -25,6 +27,7 @@ def _on_load(*_: object) -> None:
         settings.method = settings.method or "features"
 
 
+@at("blend_import_post")
 def _on_import(imported: bpy.types.BlendImportContext) -> None:
     """Scenes that were appended: their paths are relative to the .blend that they come from."""
     _on_load()
@@ -43,25 +46,10 @@ def _from_folder(scene: bpy.types.Scene, folder: str) -> None:
             setattr(owner, name, paths.relative(bpy.path.abspath(value, start=folder)))
 
 
-_HANDLERS = [
-    (bpy.app.handlers.blend_import_post, persistent(_on_import)),
-    (bpy.app.handlers.save_pre, persistent(_on_save)),
-    (bpy.app.handlers.load_post, persistent(_on_load)),
-]
-
-
-def register() -> None:
-    """Look at scenes when they are loaded, appended and saved, and at those that are open."""
-    for called, ours in _HANDLERS:
-        called.append(ours)
+def look() -> None:
+    """Bring the scenes that are open up to date, as of a file that is opened."""
     if hasattr(bpy.data, "scenes"):
         _on_load()
     else:
         # Blender hides its data while an extension is enabled.
         bpy.app.timers.register(_on_load, first_interval=0)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for called, ours in _HANDLERS:
-        called.remove(ours)

@@ -27,7 +27,7 @@ def ignored(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 def unseen(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Return one readable line for each thing that no picture of the scene shows, whatever is rendered."""
-    return (*_camera(scene), *_views(scene), *_passes(scene))
+    return (*_camera(scene), *_passes(scene))
 
 
 def _camera(scene: bpy.types.Scene) -> Iterator[str]:
@@ -38,6 +38,8 @@ def _camera(scene: bpy.types.Scene) -> Iterator[str]:
         yield f"These changes of the clip's camera are ignored: {', '.join(edited)}"
     if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
         yield f"Depth of Field of {camera.name} is ignored; Focus and Lens are used instead"
+    if scene.render.use_multiview:
+        yield "Stereoscopy is ignored: every view shows the clip as it is"
 
 
 def _frames(scene: bpy.types.Scene) -> Iterator[str]:
@@ -81,11 +83,6 @@ def _movie(scene: bpy.types.Scene) -> Iterator[str]:
         yield "Render Clip makes movies without Time Remapping; Render As: Frames uses it"
     if scene.frame_step > 1:
         yield "Render Clip makes movies of every frame, whatever Step is; Render As: Frames uses it"
-
-
-def _views(scene: bpy.types.Scene) -> Iterator[str]:
-    if scene.render.use_multiview:
-        yield "Stereoscopy is ignored: every view shows the clip as it is"
 
 
 def _passes(scene: bpy.types.Scene) -> Iterator[str]:

@@ -1,9 +1,12 @@
 """Settings of the lens: focus, blur and aperture."""
 
+from typing import Any
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
+from .base.option_properties import hidden
 from .focus import focus_marks
 from .focus.focus_marks import VirtualApertureFocusMarks
 from .lens import aperture_cloud, depth_of_field, lens, scale
@@ -52,6 +55,18 @@ def _restore(settings: bpy.types.PropertyGroup, on: bool) -> None:
         settings.highlights = 1.0 if on else 0.0
 
 
+def _lean(name: str, side: str) -> Any:
+    return FloatProperty(
+        name=name,
+        description=f"How far the {side} of the focal plane leans away from the camera, pivoting on the"
+        " optical axis",
+        subtype="ANGLE",
+        min=-MOST_TILT,
+        max=MOST_TILT,
+        update=aperture_changed,
+    )
+
+
 class LensProperties:
     """Focus, blur and aperture."""
 
@@ -69,7 +84,6 @@ class LensProperties:
         " its own unit. Picking focus sets it; editing it replaces the pick. Animate it to pull focus",
         min=0.0,
         soft_max=100.0,
-        default=0.0,
         precision=3,
         update=_distance_set,
     )
@@ -87,29 +101,10 @@ class LensProperties:
     focus_through_points: BoolProperty(
         name="Plane Through Points",
         description="Tilt the focal plane to pass through the picked points (three or more)",
-        default=False,
         update=aperture_changed,
     )
-    focus_tilt: FloatProperty(
-        name="Tilt",
-        description="How far the top of the focal plane leans away from the camera, pivoting on the optical"
-        " axis",
-        subtype="ANGLE",
-        min=-MOST_TILT,
-        max=MOST_TILT,
-        default=0.0,
-        update=aperture_changed,
-    )
-    focus_swing: FloatProperty(
-        name="Swing",
-        description="How far the right side of the focal plane leans away from the camera, pivoting on the"
-        " optical axis",
-        subtype="ANGLE",
-        min=-MOST_TILT,
-        max=MOST_TILT,
-        default=0.0,
-        update=aperture_changed,
-    )
+    focus_tilt: _lean("Tilt", "top")
+    focus_swing: _lean("Swing", "right side")
     blur: FloatProperty(
         name="Blur",
         description="Diameter of the farthest background's blur disc, as a fraction of the image width, with"
@@ -138,21 +133,17 @@ class LensProperties:
         step=10,
         options=set(),
     )
-    by_f_stop: BoolProperty(
-        name="By F-Stop", description="The stored aperture was set as an f-stop", options={"HIDDEN"}
-    )
-    object_distance: FloatProperty(
-        name="Object Distance",
-        description="Distance of the focus object when it was put in focus, at which the blur is measured",
-        options={"HIDDEN"},
-    )
-    object_name: StringProperty(name="Object", description="Name of that object", options={"HIDDEN"})
+    by_f_stop: hidden(BoolProperty, "By F-Stop", "The stored aperture was set as an f-stop")
+    object_distance: hidden(
+        FloatProperty, "Object Distance",
+        "Distance of the focus object when it was put in focus, at which the blur is measured",
+    )  # fmt: skip
+    object_name: hidden(StringProperty, "Object", "Name of that object")
     aperture_radius: FloatProperty(
         name="Aperture Radius",
         description="Radius of the virtual aperture, in scene units; an imported model brings its own unit."
         " Constant throughout the clip unless animated. Set it in place of the blur; 0 goes back to the blur",
         min=0.0,
-        default=0.0,
         precision=4,
         get_transform=lens.shown_radius,
         update=_radius_set,
@@ -163,16 +154,14 @@ class LensProperties:
         " unknown: a solve has an arbitrary scale, and f-stops assume one",
         min=0.0,
         soft_max=10.0,
-        default=0.0,
         precision=4,
         update=lambda settings, _context: depth_of_field.on_scale(settings),
         options=set(),
     )
-    guessed_scale: FloatProperty(
-        name="Guessed Scale",
-        description="Size of one scene unit in meters by the height of people in the clip; 0 without a guess",
-        options={"HIDDEN"},
-    )
+    guessed_scale: hidden(
+        FloatProperty, "Guessed Scale",
+        "Size of one scene unit in meters by the height of people in the clip; 0 without a guess",
+    )  # fmt: skip
     subject_metres: FloatProperty(
         name="Subject Distance",
         description="How far away what is in focus is, in meters. Until it is given, here or by Set Scale, a"

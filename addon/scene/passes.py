@@ -1,16 +1,21 @@
 """Which passes a view layer asks for, besides those that Blender itself has switches of."""
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, PointerProperty
+from bpy.props import BoolProperty
 
+from ..core.base.options import options_of
 from ..core.frame.range_matte import Range
+from .base.option_properties import values_of, with_options
 
 DEPTH = "Depth"
 """Blender's own name of the pass, and its switch is `ViewLayer.use_pass_z`."""
 CIRCLE_OF_CONFUSION, IN_FOCUS = "Circle of Confusion", "In Focus"
 RANGE_MATTE = "Range Matte"
+RANGE = {each.name: each for each in options_of(Range).values()}
+"""Options of the range by their names in .blend files."""
 
 
+@with_options(RANGE)
 class VirtualAperturePasses(bpy.types.PropertyGroup):
     """Passes of a view layer that only our engine renders."""
 
@@ -31,29 +36,6 @@ class VirtualAperturePasses(bpy.types.PropertyGroup):
         " light that comes from there",
         options=set(),
     )
-    range_near: FloatProperty(
-        name="Range Near",
-        description="Distance from the camera at which the range begins, in scene units",
-        min=0.0,
-        soft_max=100.0,
-        precision=3,
-    )
-    range_far: FloatProperty(
-        name="Range Far",
-        description="Distance from the camera at which the range ends, in scene units; 0 for no end",
-        min=0.0,
-        soft_max=100.0,
-        precision=3,
-    )
-    range_softness: FloatProperty(
-        name="Range Softness",
-        description="How far past its ends the range fades out, as a share of their distance: 0.1 is up to a"
-        " tenth nearer or farther",
-        min=0.0,
-        max=1.0,
-        default=0.1,
-        subtype="FACTOR",
-    )
 
 
 def wanted(layer: bpy.types.ViewLayer) -> tuple[str, ...]:
@@ -70,17 +52,4 @@ def wanted(layer: bpy.types.ViewLayer) -> tuple[str, ...]:
 
 def range_of(layer: bpy.types.ViewLayer) -> Range:
     """Return the range of a view layer's matte."""
-    ours = layer.virtual_aperture_passes
-    return Range(ours.range_near, ours.range_far, ours.range_softness)
-
-
-def register() -> None:
-    """Give view layers their switches."""
-    bpy.utils.register_class(VirtualAperturePasses)
-    bpy.types.ViewLayer.virtual_aperture_passes = PointerProperty(type=VirtualAperturePasses)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    del bpy.types.ViewLayer.virtual_aperture_passes
-    bpy.utils.unregister_class(VirtualAperturePasses)
+    return Range(*values_of(layer.virtual_aperture_passes, RANGE).values())

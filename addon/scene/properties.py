@@ -11,12 +11,14 @@ from bpy.props import (
 )
 
 from ..core.frame.options import FRAME_OPTIONS
-from .base.option_properties import with_options
+from .base.option_properties import hidden, with_options
+from .cg_objects import STAYS_SHARP, STAYS_SHARP_SWITCH
 from .clip_properties import ClipProperties
 from .focus import focus_marks
 from .lens import repairs
 from .lens.aperture_shape import VirtualApertureShape
 from .lens_properties import LensProperties, aperture_changed
+from .passes import VirtualAperturePasses
 from .preview_properties import PreviewProperties
 from .sources import subjects
 
@@ -40,12 +42,10 @@ class VirtualApertureSettings(ClipProperties, LensProperties, PreviewProperties,
     camera: PointerProperty(type=bpy.types.Object, name="Camera")
     points: PointerProperty(type=bpy.types.Object, name="Point Cloud")
     aperture: PointerProperty(type=bpy.types.Object, name="Virtual Cameras")
-    finds_depth: BoolProperty(
-        name="Finds Depth",
-        description="The clip's depth is being found in the background, and continues when the file is"
-        " opened again",
-        options={"HIDDEN"},
-    )
+    finds_depth: hidden(
+        BoolProperty, "Finds Depth",
+        "The clip's depth is being found in the background, and continues when the file is opened again",
+    )  # fmt: skip
     render_as: EnumProperty(
         name="Render As",
         description="What Render Clip writes",
@@ -55,13 +55,9 @@ class VirtualApertureSettings(ClipProperties, LensProperties, PreviewProperties,
         ],
         options=set(),
     )
-    output: StringProperty(
-        name="Output",
-        description="Render output set by the solve, until the user sets another",
-        options={"HIDDEN"},
-    )
-    summary: StringProperty(name="Summary", description="One-line summary of the solve", options={"HIDDEN"})
-    advice: StringProperty(name="Advice", description="What would improve the solve most", options={"HIDDEN"})
+    output: hidden(StringProperty, "Output", "Render output set by the solve, until the user sets another")
+    summary: hidden(StringProperty, "Summary", "One-line summary of the solve")
+    advice: hidden(StringProperty, "Advice", "What would improve the solve most")
     hidden: CollectionProperty(
         type=VirtualApertureHidden,
         name="Hidden",
@@ -76,18 +72,27 @@ CLASSES = (
     *repairs.CLASSES,
     VirtualApertureShape,
     VirtualApertureSettings,
+    VirtualAperturePasses,
 )
+OWNED = (
+    (bpy.types.Scene, "virtual_aperture", PointerProperty(type=VirtualApertureSettings)),
+    (bpy.types.ViewLayer, "virtual_aperture_passes", PointerProperty(type=VirtualAperturePasses)),
+    (bpy.types.Object, STAYS_SHARP, STAYS_SHARP_SWITCH),
+)
+"""Properties of Blender's own types, with their names."""
 
 
 def register() -> None:
-    """Register the property groups, and the settings of scenes."""
+    """Register the property groups, and the properties that Blender's own types get."""
     for cls in CLASSES:
         bpy.utils.register_class(cls)
-    bpy.types.Scene.virtual_aperture = PointerProperty(type=VirtualApertureSettings)
+    for owner, name, made in OWNED:
+        setattr(owner, name, made)
 
 
 def unregister() -> None:
-    """Remove the settings of scenes, and unregister the property groups."""
-    del bpy.types.Scene.virtual_aperture
+    """Undo `register`."""
+    for owner, name, _ in OWNED:
+        delattr(owner, name)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -1,34 +1,27 @@
-"""Everything that is registered with Blender, in one ordered list."""
+"""Everything that is registered with Blender, in one ordered list.
+
+`background` is imported for its handlers (`scene.base.events`).
+"""
 
 import bpy
 
 from ..core.base.job import end_all
 from ..render import engine
-from ..render.cg import cg_preview, cg_process
+from ..render.cg import cg_process
 from ..render.output import background
 from ..render.processes import frames_ahead
 from ..render.viewport import overlay, viewport
 from ..render.views import frame_notes
-from ..scene import cg_objects, file_handlers, passes, properties
-from ..scene.base import exr, paths
+from ..scene import file_handlers, properties
+from ..scene.base import events, exr
 from ..scene.base import preferences as user_preferences
-from ..scene.focus import focus_sync
 from ..scene.gpu import main_thread
 from ..scene.sources import clip, shot
 from . import panels
-from .base import solving
 from .base.operators import classes_of
-from .focus import (
-    bokeh,
-    focus_list,
-    focus_strip,
-    lens_amount,
-    lens_presets,
-    repair_list,
-    subjects,
-    thumbnails,
-)
-from .footage import choose_clip, file_import, find_clip, import_solve, photos, restore, solve, solve_view
+from .base.solving import end_solve
+from .focus import bokeh, focus_list, focus_strip, lens_amount, lens_presets, subjects, thumbnails
+from .footage import choose_clip, file_import, import_solve, photos, restore, solve, solve_view
 from .jobs import add, depth_ahead, export, first_person, movie, quit_question, render_clip, report_list
 from .panels import engine_panels, live_preview, preferences, wipe
 from .picking import paint_repair, pick_focus, pick_subject, pick_vertices, points_overlay, set_scale
@@ -39,57 +32,55 @@ CLASSES = (
     engine.VirtualApertureEngine,
     *classes_of(
         preferences, choose_clip, depth_ahead, solve, movie, render_clip, export, add, quit_question,
-        find_clip, restore, photos, pick_vertices, focus_list, focus_strip, pick_focus, pick_subject,
-        paint_repair, subjects, repair_list, import_solve, file_import, lens_presets, lens_amount, set_scale,
+        restore, photos, pick_vertices, focus_list, focus_strip, pick_focus, pick_subject,
+        paint_repair, subjects, import_solve, file_import, lens_presets, lens_amount, set_scale,
         report_list, live_preview, wipe,
     ),
     *panels.CLASSES,
 )  # fmt: skip
-FIRST = engine_panels, file_import, lens_presets, paths, file_handlers, exr, focus_sync, thumbnails, bokeh
-# `cg_preview` follows `viewport`, which ends the preview when another file is opened, and may wait for it.
-THEN = background, frame_notes, frames_ahead, cg_process, viewport, cg_preview
-LAST = quit_question, depth_ahead, first_person
+PARTS = engine_panels, file_import, lens_presets, exr, thumbnails, bokeh, quit_question
+"""Modules that add something to Blender besides classes."""
+# `POST_VIEW` follows what takes overlays away from the preview's picture: the points are drawn over that.
+OVERLAYS = (
+    (focus_strip.draw, "POST_PIXEL"), (viewport.clear_overlays, "POST_VIEW"),
+    (viewport.draw_words, "POST_PIXEL"), (points_overlay.draw, "POST_VIEW"),
+    (solve_view.draw, "POST_PIXEL"),
+)  # fmt: skip
+ENDS = (
+    end_solve, movie.MovieJob.stop, export.ExportJob.stop, first_person.stop, depth_ahead.stop, viewport.stop,
+    cg_process.end, frames_ahead.forget, frame_notes.forget,
+)  # fmt: skip
+"""Functions that end what is under way."""
 
 
 def register() -> None:
     """Register properties, engine, operators and panels."""
     properties.register()
-    passes.register()
-    cg_objects.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     user_preferences.apply()
-    for module in FIRST:
+    file_handlers.look()
+    for module in PARTS:
         module.register()
-    overlay.show(focus_strip.draw)
-    for module in THEN:
-        module.register()
-    # After what takes overlays away from the preview's picture: the points are drawn over that.
-    overlay.show(points_overlay.draw, "POST_VIEW")
-    overlay.show(solve_view.draw)
-    for module in LAST:
-        module.register()
+    for draw, when in OVERLAYS:
+        overlay.show(draw, when)
+    events.register()
     main_thread.start()
 
 
 def unregister() -> None:
     """Undo `register` in reverse order, end what is under way, and close the open clip."""
-    solving.end_solve()
-    for module in (movie, export, *reversed(LAST)):
-        module.unregister()
-    for draw in (solve_view.draw, focus_strip.draw, points_overlay.draw):
-        overlay.hide(draw)
-    for module in reversed(THEN):
-        module.unregister()
+    for end in ENDS:
+        end()
+    overlay.hide_all()
+    events.unregister()
     main_thread.stop()
     # The timer that looked after them is gone.
     end_all(LEFT)
-    for module in reversed(FIRST):
+    for module in reversed(PARTS):
         module.unregister()
     clip.forget()
     shot.forget()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
-    cg_objects.unregister()
-    passes.unregister()
     properties.unregister()

@@ -50,7 +50,7 @@ addon.register()
 bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
 from addon.scene.sources.shot import shot_of
 shot = shot_of(bpy.context.scene)
-shot.read(shot.footage.frames[0])
+shot.clip.read(shot.footage.frames[0])
 """
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(addon.__file__).parents[1])}
 

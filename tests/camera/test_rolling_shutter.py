@@ -14,7 +14,7 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.camera.steady_path import steady_path, zoomed
 from addon.scene.solve import store
-from addon.scene.sources.digests import reconstruction_digest
+from addon.scene.sources.shot import reconstruction_digest
 
 WIDTH, HEIGHT = 640, 360
 TURN = (0.015, -0.04, 0.02)

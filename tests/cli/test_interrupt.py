@@ -12,7 +12,7 @@ from addon.render.cg import cg_process
 from addon.render.processes import frames_ahead
 from addon.scene import properties
 from addon.scene.base import paths
-from addon.scene.focus import focus_sync
+from addon.scene.lens import blender_focus
 
 
 def frame_in(file: str) -> FrameType:
@@ -39,7 +39,7 @@ def test_exceptions_that_blender_would_print_are_not_raised(scene: bpy.types.Sce
         bpy.app.handlers.frame_change_post.remove(handler)
     assert heard == [True]
     # Nobody catches what is raised beside a handler of ours: loops end by it.
-    for module in (focus_sync, paths, frames_ahead, cg_process):
+    for module in (blender_focus, paths, frames_ahead, cg_process):
         assert not main._is_called_by_blender(frame_in(str(module.__file__)))
     assert not main._is_called_by_blender(sys._getframe())
 
@@ -48,5 +48,7 @@ def test_handlers_of_ours_are_known_by_their_code(registered: None) -> None:
     lists = (getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers))
     ours = [each for held in lists if isinstance(held, list) for each in held
             if each.__module__.startswith("addon.")]  # fmt: skip
-    assert {"focus_sync", "frames_ahead", "cg_process"} <= {each.__module__.split(".")[-1] for each in ours}
+    assert {"blender_focus", "frames_ahead", "cg_process"} <= {
+        each.__module__.split(".")[-1] for each in ours
+    }
     assert all(hasattr(each, "__code__") for each in ours)

@@ -82,7 +82,7 @@ def test_a_place_amid_points_on_another_surface_is_not_theirs(footage: Path) -> 
 def test_a_glance_finds_nothing_and_then_tells_the_same_as_a_click(footage: Path, tmp_path: Path) -> None:
     stores = {"store": lambda _: Store(tmp_path, lambda: "key")}
     shot = Shot(open_footage(footage), poses(CENTRES, near_plane()))
-    context = ClipContext(shot.reconstruction, shot.read, **stores)
+    context = ClipContext(shot.reconstruction, shot.clip.read, **stores)
     finder = context.places(FRAME)
     assert finder.glance(*BESIDE).distance is None
     found = finder.find(*BESIDE)

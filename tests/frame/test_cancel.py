@@ -41,7 +41,7 @@ def fresh(folder: Path) -> Shot:
 def warped(shot: Shot) -> WarpedFrame:
     lens = FrameOptions(Focus(distance=4.0), 0.2, 8)
     size = shot.footage.width, shot.footage.height
-    return mesh_frame(shot.context, MIDDLE, lens, size, to_linear(shot.read(MIDDLE))).warped
+    return mesh_frame(shot.context, MIDDLE, lens, size, to_linear(shot.clip.read(MIDDLE))).warped
 
 
 def test_every_stage_passes_many_checkpoints_and_goes_on(folder: Path) -> None:

@@ -18,7 +18,7 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media import clip_identity, find_clip
 from addon.core.media.clip import open_footage
-from addon.scene.base import paths
+from addon.scene.base import events
 from addon.scene.build import build
 from addon.scene.sources import clip
 from addon.scene.sources.shot import shot_of
@@ -164,9 +164,9 @@ def test_the_handlers_go_with_the_extension(registered: None) -> None:
     import addon
 
     addon.unregister()
-    assert not any(ours in called for called, ours in paths._handlers())
+    assert not any(ours in getattr(bpy.app.handlers, event) for event, ours in events._called)
     addon.register()
-    assert all(called.count(ours) == 1 for called, ours in paths._handlers())
+    assert all(getattr(bpy.app.handlers, event).count(ours) == 1 for event, ours in events._called)
 
 
 def rendered(blend: Path, out: Path) -> tuple[np.ndarray | None, str]:

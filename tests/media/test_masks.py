@@ -329,13 +329,13 @@ def test_a_mask_that_was_redrawn_is_taken_again(scene: bpy.types.Scene) -> None:
 def test_a_shot_has_both_masks(scene: bpy.types.Scene, tmp_path: Path) -> None:
     shot = slanted_shot(tmp_path / "clip", LENS, FRAMES)
     settings = build(scene, shot.footage, shot.reconstruction)
-    assert shot_of(scene).masked(4) is None
+    assert shot_of(scene).clip.masked(4) is None
     settings.masks = str(write_masks(tmp_path / "masks", (4, 5)))
     settings.mask = bpy.data.masks.new("moving")
     ring(settings.mask, (0.85, 0.2), 0.1, "MERGE_ADD")
     both = shot_of(scene)
     drawn = drawn_mask(settings.mask, FRAMES, (WIDTH, HEIGHT)).at(3)
-    alone, together = both.masked(3), both.masked(4)
+    alone, together = both.clip.masked(3), both.clip.masked(4)
     assert drawn is not None and drawn.any() and alone is not None and together is not None
     np.testing.assert_array_equal(alone, drawn)
     np.testing.assert_array_equal(together, np.maximum(drawn, TRUE))
@@ -343,7 +343,7 @@ def test_a_shot_has_both_masks(scene: bpy.types.Scene, tmp_path: Path) -> None:
     # What the user says moves is not lent and has no part in depth.
     assert both.context.stereo.at(4).moving[TRUE].mean() > 0.95
     settings.mask = None
-    again = shot_of(scene).masked(4)
+    again = shot_of(scene).clip.masked(4)
     assert again is not None
     np.testing.assert_array_equal(again, TRUE)
 

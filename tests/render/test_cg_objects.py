@@ -231,5 +231,5 @@ def test_the_preview_draws_what_a_render_draws(solved: bpy.types.Scene) -> None:
             far.hide_set(False)
     finally:
         cg_preview._drawing.end()
-        cg_preview._on_load()
+        cg_preview.forget()
     assert near.visible_get() and counts == [[1, 1], [2, 2]]

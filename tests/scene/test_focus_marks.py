@@ -19,6 +19,7 @@ from addon.scene.focus import focus_curve, focus_marks
 from addon.scene.focus.kept_places import marks_of
 from addon.scene.focus.refocus import keep_focus, restore_focus
 from addon.scene.lens import lens
+from addon.scene.solve.camera import curves_of
 from addon.scene.sources.shot import Shot
 
 from ..scenes import slanted_shot
@@ -148,7 +149,7 @@ def test_deleted_keys_leave_the_distance_and_do_not_come_back(scene: bpy.types.S
     settings = scene.virtual_aperture
     focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
     scene.frame_set(9)
-    lens.channels_of(settings).fcurves.remove(keys(scene))
+    curves_of(settings.id_data).remove(keys(scene))
     update()
     assert focus_curve.is_users(settings) and distance(scene, 3) == pytest.approx(12.0)
     focus_marks.put(settings, 6, [at(6, 5.0)])

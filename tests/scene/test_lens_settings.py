@@ -15,6 +15,7 @@ from addon.scene.focus import focus_marks
 from addon.scene.focus.focus_marks import set_focus
 from addon.scene.lens import lens
 from addon.scene.lens.lens import frame_options
+from addon.scene.solve.camera import curves_of
 from addon.scene.sources.shot import Shot
 
 from ..in_blender import select
@@ -84,7 +85,7 @@ def test_picked_points_set_the_distance_that_can_be_keyed(scene, shot, settings)
     assert settings.marks.points == PICKED
     assert lens.focus_of(settings) == Focus(distance=11.0)
     assert radii(scene, shot) == [pytest.approx(radius)] * 5
-    lens.channels_of(settings).fcurves.remove(lens.keys_of(settings, "focus_distance"))
+    curves_of(settings.id_data).remove(lens.keys_of(settings, "focus_distance"))
     assert lens.focus_of(settings).points == PICKED
 
 

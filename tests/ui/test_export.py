@@ -27,7 +27,7 @@ def clip(scene: bpy.types.Scene, tmp_path: Path) -> Iterator[Path]:
     plane = slanted_plane(LENS, tuple(range(1, COUNT + 1)))
     build(scene, open_footage(write_plane(tmp_path / "clip", plane)), plane)
     yield tmp_path
-    export.unregister()
+    export.ExportJob.stop()
 
 
 def shown() -> Recorder:
@@ -117,6 +117,6 @@ def test_depth_goes_on_after_an_export_in_the_same_file_alone(
     for depth in (clip / "of another file", here):
         made = export.ExportJob(clip / "out")
         made.depth = depth
-        monkeypatch.setattr(export, "_export", made)
+        monkeypatch.setattr(export.ExportJob, "last", made)
         assert export._tick() is None
     assert begun == [here]

@@ -36,7 +36,7 @@ def clip(scene: bpy.types.Scene, tmp_path: Path) -> Iterator[Path]:
     settings.focus_distance, settings.views = 8.0, 4
     settings.blur = 0.03
     yield path
-    movie.unregister()
+    movie.MovieJob.stop()
 
 
 def render_clip(**options: bool) -> set[str]:

@@ -22,7 +22,7 @@ from addon.scene.lens.lens import frame_options
 from addon.scene.lens.repairs import repairs_of
 from addon.scene.sources.shot import shot_of
 from addon.ui import panels
-from addon.ui.focus.repair_list import VIRTUAL_APERTURE_UL_repairs
+from addon.ui.picking.paint_repair import VIRTUAL_APERTURE_UL_repairs
 
 from ..cli.tracked_plane import run, work
 from ..recorder import Recorder, draw
@@ -91,7 +91,7 @@ def test_a_repair_is_in_the_picture_its_key_and_the_file(
     settings.repairs.kind = "NEARER"
     OPERATORS.paint_repair(places="0.5,0.5")
     after = frame_options(settings, shot.reconstruction)
-    source = to_linear(shot.read(2))
+    source = to_linear(shot.clip.read(2))
     depths = [
         mesh_frame(shot.context, 2, options, (160, 90), source).geometry.depth for options in (before, after)
     ]
@@ -132,7 +132,7 @@ def test_a_repair_is_carried_through_a_clip_but_not_to_other_photos(tmp_path: Pa
     plain = FrameOptions(Focus(distance=5.0), 0.1)
     mended = replace(plain, repairs=(Repair("nearer", 2, ((0.5, 0.5),), 0.05),))
     for frame, is_changed in ((2, True), (3, is_ordered)):
-        source = to_linear(shot.read(frame))
+        source = to_linear(shot.clip.read(frame))
         one, other = (
             mesh_frame(context, frame, options, (160, 90), source).geometry.depth
             for options in (plain, mended)

@@ -15,6 +15,7 @@ from addon.core.media import picture_file
 from addon.render.processes.clip_process import CLIP
 from addon.render.viewport import viewport
 from addon.render.viewport.pictures import Wanted
+from addon.scene.base import events
 from addon.scene.build import build
 from addon.scene.lens import lens
 from addon.scene.sources.shot import shot_of
@@ -86,8 +87,8 @@ def test_timers_and_processes_end(scene: bpy.types.Scene, tmp_path: Path) -> Non
     wanted = Wanted(shot, 1, lens.frame_options(settings, shot.reconstruction), (160, 90))
     viewport.PREVIEW.want(wanted)
     viewport.PREVIEW.poll()
-    viewport._watch()
-    bpy.app.timers.register(depth_ahead._tick)
+    events.watch(viewport._tick, 0)
+    events.watch(depth_ahead._tick, 0)
     job = CLIP.job
     assert job is not None and job.is_running and job.process is not None
     addon.unregister()

@@ -23,7 +23,7 @@ from .screen import Screen
 from .steps import DEPTH, LEFT, MARKS, MODAL, OPENS, PICKING, SETTINGS, drop, look, make_wide, over, running
 
 PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
-MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.movie']._movie"
+MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.movie'].MovieJob.last"
 PAINTING = f"'VIRTUAL_APERTURE_OT_paint_repair' in {MODAL}"
 PAINT = (
     "with bpy.context.temp_override(**view('VIEW_3D')):\n"

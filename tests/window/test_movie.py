@@ -21,7 +21,7 @@ from .screen import Screen
 from .steps import running
 
 COUNT = 40
-MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.movie']._movie"
+MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.movie'].MovieJob.last"
 RENDER = "bpy.context.scene.render"
 KEPT = (
     f"[{RENDER}.filepath, {RENDER}.engine, {RENDER}.use_border, {RENDER}.image_settings.media_type,"

@@ -22,7 +22,7 @@ from .steps import LEFT, MARKS, PICKING, SETTINGS, begin, drop, over, running
 
 PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
 SEARCH = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.first_person']._search"
-MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.movie']._movie"
+MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.movie'].MovieJob.last"
 FOLLOWED = f"len({SETTINGS}.marks.items[0].places[0].followed)"
 HALF = 0.035
 """Half of the side of the squares that are compared, of the picture's width."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGB, LinearRGBA, Map
+from ..base.options import option
 from .detail import painted_by_disparity
 from .warped_frame import WarpedFrame
 
@@ -20,11 +21,19 @@ LEAST_COVERED = 1e-3
 class Range:
     """Distances along the camera's axis, in scene units."""
 
-    near: float
-    far: float
-    """0 for no end."""
-    softness: float
-    """Share of the distance past an end over which the matte falls to 0."""
+    near: float = option(
+        0.0, "Range Near", "Distance from the camera at which the range begins, in scene units",
+        name="range_near", least=0.0, soft_most=100.0,
+    )  # fmt: skip
+    far: float = option(
+        0.0, "Range Far", "Distance from the camera at which the range ends, in scene units; 0 for no end",
+        name="range_far", least=0.0, soft_most=100.0,
+    )  # fmt: skip
+    softness: float = option(
+        0.1, "Range Softness", "How far past its ends the range fades out, as a share of their distance: 0.1"
+        " is up to a tenth nearer or farther",
+        name="range_softness", least=0.0, most=1.0, unit="FACTOR", precision=2,
+    )  # fmt: skip
 
     def share(self, inverse_depth: Floats | Map) -> Map:
         """Return the matte, 0 to 1, of inverse depths of any shape."""

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
-from bpy.app.handlers import persistent
 
 from ...core.base.atomic import temporary_folder
 from ...core.camera.canvas import Canvas
 from ...core.camera.reconstruction import Intrinsics
 from ...core.depth.source import PixelDepth
 from ...core.frame.cg_layers import NO_CG, CGObjects, DrawCG
+from ...scene.base.events import at
 from ...scene.base.timeline import clip_frame
 from ...scene.cg_objects import cg_objects, stays_sharp
 from ..processes.blend_file import write_blend
@@ -104,9 +104,13 @@ def draw_preview(asked: CGWanted | None, file: Path | None) -> DrawCG | None:
     return draw
 
 
+@at("depsgraph_update_post")
 def _on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Something was changed: is it anything that CG objects are made of?"""
     global _version
+    if bpy.app.background:
+        # There is no window to preview in.
+        return
     ours = scene.virtual_aperture
     own = [each for each in (ours.camera, ours.points, ours.aperture) if each is not None]
     own += [each.data for each in own]
@@ -115,25 +119,8 @@ def _on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         _version += 1
 
 
-def _on_load(*_: object) -> None:
+def forget() -> None:
+    """Draw the objects anew, as of another file."""
     global _version
     _version += 1
     _forget_file()
-
-
-_updated, _forget = persistent(_on_update), persistent(_on_load)
-
-
-def register() -> None:
-    """Look for changes, where there is a window to preview in."""
-    if not bpy.app.background:
-        bpy.app.handlers.depsgraph_update_post.append(_updated)
-    bpy.app.handlers.load_pre.append(_forget)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    if _updated in bpy.app.handlers.depsgraph_update_post:
-        bpy.app.handlers.depsgraph_update_post.remove(_updated)
-    bpy.app.handlers.load_pre.remove(_forget)
-    _on_load()

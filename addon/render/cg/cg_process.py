@@ -13,7 +13,6 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
 from ...core.base.calls import Failed, Named
 from ...core.base.errors import UserError
@@ -22,12 +21,12 @@ from ...core.base.progress import checkpoint
 from ...core.camera.reconstruction import Intrinsics
 from ...core.depth.source import PixelDepth
 from ...core.frame.cg_layers import CGObjects, DrawCG
+from ...scene.base.events import RENDERS, at
 from ...scene.base.timeline import clip_frame
 from ...scene.cg_objects import cg_objects
 from ...scene.gpu import main_thread
 from ..processes.blend_file import write_blend
 from ..processes.launcher import CalledProcess, start
-from ..views import render_handlers
 from .cycles_layers import Wanted, draw
 
 View = tuple[str, int]
@@ -115,28 +114,12 @@ def kept() -> Iterator[None]:
         yield
     finally:
         _is_kept = before
-        if (leaving := _end()) is not None:
+        if (leaving := end()) is not None:
             # A command ends without waiting for other processes.
             leaving.join()
 
 
-def _end(*_: object) -> Leaving | None:
-    """Called as a render begins, ends or is cancelled, or another file is opened.
-
-    Returns the process that ends, if any.
-    """
+@at(*RENDERS)
+def end(*_: object) -> Leaving | None:
+    """End the process of a render, unless it is `kept`; returns it if there is one."""
     return None if _is_kept else _process.end()
-
-
-_on_change = persistent(_end)
-
-
-def register() -> None:
-    """Begin anew with each render."""
-    render_handlers.add(_on_change)
-
-
-def unregister() -> None:
-    """Undo `register`, and end what is under way."""
-    render_handlers.remove(_on_change)
-    _end()

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import NoReturn
 
 import bpy
-from bpy.app.handlers import persistent
 
+from ...scene.base.events import at
 from .. import engine
 from ..views.frame_size import written_size
 from . import frame_files
@@ -21,29 +21,15 @@ FORMATS = {"PNG", "OPEN_EXR"}
 """File formats that are read back after they were written."""
 
 
-def register() -> None:
-    """Watch the renders of this Blender, if its command line asked for them."""
-    if bpy.app.background and bpy.app.binary_path and COMMANDS & set(sys.argv):
-        bpy.app.handlers.render_write.append(_on_write)
-        bpy.app.handlers.render_cancel.append(_on_cancel)
+def _is_ours(scene: bpy.types.Scene) -> bool:
+    """Return whether this Blender's command line asked for a render, and it is by our engine."""
+    asked = bpy.app.background and bpy.app.binary_path and COMMANDS & set(sys.argv)
+    return bool(asked) and scene.render.engine == engine.VirtualApertureEngine.bl_idname
 
 
-def unregister() -> None:
-    """Undo `register`."""
-    for handlers, handler in (
-        (bpy.app.handlers.render_write, _on_write),
-        (bpy.app.handlers.render_cancel, _on_cancel),
-    ):
-        if handler in handlers:
-            handlers.remove(handler)
-
-
-@persistent
+@at("render_write")
 def _on_write(scene: bpy.types.Scene, _: object = None) -> None:
-    render = scene.render
-    if render.engine != engine.VirtualApertureEngine.bl_idname:
-        return
-    if render.image_settings.file_format not in FORMATS:
+    if not _is_ours(scene) or scene.render.image_settings.file_format not in FORMATS:
         return
     for path, size in written_files(scene).items():
         if problem := frame_files.still_problem(path, size):
@@ -67,9 +53,9 @@ def written_files(scene: bpy.types.Scene) -> dict[Path, tuple[int, int] | None]:
     return {Path(render.frame_path(frame=frame, view=name)): written_size(render) for name in names}
 
 
-@persistent
+@at("render_cancel")
 def _on_cancel(scene: bpy.types.Scene, _: object = None) -> None:
-    if scene.render.engine == engine.VirtualApertureEngine.bl_idname:
+    if _is_ours(scene):
         _end("rendering was stopped by an error or a signal; the frames written before that are complete")
 
 

@@ -62,11 +62,7 @@ def seal(path: Path) -> None:
 
 def key_of(path: Path) -> str | None:
     """Return the key in a picture's metadata, None without one; UserError if it is not a file."""
-    try:
-        with open_regular(path) as file:
-            found = _NOTE.search(file.read(HEADER))
-    except OSError as error:
-        raise UserError(f"{path} cannot be read: {error.strerror}") from None
+    found = _NOTE.search(_read(path, HEADER))
     return found[1].decode() if found else None
 
 
@@ -76,12 +72,17 @@ def is_changed(path: Path) -> bool:
     Raises:
         UserError: It cannot be read.
     """
-    try:
-        data = read_regular(path)
-    except OSError as error:
-        raise UserError(f"{path} cannot be read: {error.strerror}") from None
+    data = _read(path)
     note = _NOTE.search(data, 0, HEADER)
     return note is not None and note[2].decode() != _digest(data, note)
+
+
+def _read(path: Path, most: int = -1) -> bytes:
+    try:
+        with open_regular(path) as file:
+            return file.read(most)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror}") from None
 
 
 def _digest(data: bytes, note: re.Match[bytes]) -> str:

@@ -8,8 +8,6 @@ from ...core.base.code import code_digest
 from ...core.media.clip_identity import clip_digest
 from ...scene.base.timeline import go_to
 from ...scene.lens.lens import frame_options
-from ...scene.sources.colour_space import REC_709
-from ...scene.sources.digests import drawn_digest, reconstruction_digest
 from ...scene.sources.shot import Shot, shot_of
 from ..views.frame_size import render_size, written_size
 
@@ -38,12 +36,9 @@ def _clip_key(scene: bpy.types.Scene) -> str:
     """The key of all inputs but the lens."""
     shot = shot_of(scene)
     parts = (
-        code_digest(*ROOMS), clip_digest(shot.footage.path), reconstruction_digest(shot.reconstruction),
-        _depth_digest(shot), shot.masks and clip_digest(shot.masks.pictures.path),
-        shot.drawn and drawn_digest(shot.drawn),
-        render_size(scene.render), written_size(scene.render), *([shot.space.name] if shot.space else []),
-        *([shot.working] if shot.working != REC_709 else []),
-        *([scene[GRADED]] if GRADED in scene else []), *([] if shot.keeps_fixed else ["whole"]),
+        code_digest(*ROOMS), clip_digest(shot.footage.path), shot.clip_digests, shot.mask_digests,
+        _depth_digest(shot), shot.working, render_size(scene.render), written_size(scene.render),
+        scene.get(GRADED),
     )  # fmt: skip
     return hashlib.sha256(repr(parts).encode()).hexdigest()
 

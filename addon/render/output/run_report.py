@@ -1,14 +1,13 @@
 """The report on a run of frames: one entry a frame in a file, and a line at the end."""
 
 import json
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import cv2
 
-from ...core.base.atomic import staged
+from ...core.base.atomic import write_bytes
 from ...core.base.errors import Remedy, UserError
 from ...core.base.file_names import check_file
 from ...core.base.regular_file import read_object
@@ -94,7 +93,7 @@ class RunReport:
 
     def _write(self, path: Path) -> None:
         entries = [self._reports[frame].as_dict() for frame in sorted(self._reports)]
-        replaced(path, lambda part: part.write_text(text_of(entries, self._key)))
+        write_bytes(path, text_of(entries, self._key).encode())
 
 
 def text_of(entries: list[dict[str, object]], key: str) -> str:
@@ -117,12 +116,6 @@ def _entry(held: object) -> FrameReport | None:
     return FrameReport(**held)
 
 
-def replaced(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file beside its place and move it there: it is whole or as before. UserError if it cannot."""
-    with staged(path) as part:
-        write(part)
-
-
 class Inspector:
     """The debug views and the report of one frame; its `on_frame` is called when it is drawn."""
 
@@ -142,4 +135,4 @@ def write_picture(path: Path, picture: Shown) -> None:
     """Write a PNG of (H, W, 3) sRGB; UserError if it cannot be written."""
     done, data = cv2.imencode(".png", picture[..., ::-1])
     assert done
-    replaced(path, lambda part: part.write_bytes(data.tobytes()))
+    write_bytes(path, data.tobytes())

@@ -10,10 +10,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import bpy
-
 from ...core.base.calls import Call, Caller
-from ...core.base.job import Job, Leaving
+from ...core.base.job import Job
+from ...scene.base.events import watch
 from .launcher import CalledProcess, start
 from .shots import SentShots
 
@@ -49,8 +48,7 @@ class ClipProcess(CalledProcess):
     def _start(self, job: Job, folder: Path) -> SentShots:
         start(job, folder / "job.json", ["clip"], yields=self._yields, folder=str(folder))
         self._used = float("inf")
-        if not bpy.app.timers.is_registered(self._timer):
-            bpy.app.timers.register(self._timer, first_interval=LOOK, persistent=True)
+        watch(self._timer, LOOK, stays=True)
         return SentShots(folder)
 
     def call[T](self, function: Callable[[], T]) -> Call[T]:
@@ -70,12 +68,6 @@ class ClipProcess(CalledProcess):
             self.end()
             return None
         return LOOK
-
-    def end(self) -> Leaving | None:
-        """As of `CalledProcess`."""
-        if bpy.app.timers.is_registered(self._timer):
-            bpy.app.timers.unregister(self._timer)
-        return super().end()
 
 
 CLIP = ClipProcess()

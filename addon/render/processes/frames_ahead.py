@@ -21,7 +21,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
-from bpy.app.handlers import persistent
 
 from ...core.base import limits
 from ...core.base.arrays import LinearRGBA
@@ -31,8 +30,8 @@ from ...core.base.file_lock import claimed
 from ...core.base.job import Job, end_meanwhile
 from ...core.base.parcel import pack, unpack
 from ...core.base.progress import checkpoint
+from ...scene.base.events import RENDERS, at
 from ...scene.gpu import main_thread
-from ..views import render_handlers
 from . import jobs
 from .blend_file import write_blend
 from .launcher import start
@@ -206,7 +205,7 @@ def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int) -> DrawnFrame |
         return None if _ahead is None else _ahead.frame(frame)
     except (OSError, UserError):
         # Such as a full disk: the frames can be drawn here as well.
-        end_all()
+        _end()
         return None
 
 
@@ -216,30 +215,16 @@ def _fitting(scene: bpy.types.Scene, pixels: int) -> int:
     return min(fitting, scene.render.threads) if scene.render.threads_mode == "FIXED" else fitting
 
 
-def end_all() -> None:
-    """End what draws ahead."""
+def _end() -> None:
     global _ahead
     if _ahead is not None:
         _ahead.end()
     _ahead = None
 
 
-def _end(*_: object) -> None:
-    """An animation begins, ends or is cancelled, or another file is opened."""
+@at(*RENDERS)
+def forget(*_: object) -> None:
+    """End what draws ahead, and begin anew with the next animation."""
     global _is_tried
-    end_all()
-    _is_tried = False
-
-
-_on_change = persistent(_end)
-
-
-def register() -> None:
-    """Begin anew with each render."""
-    render_handlers.add(_on_change)
-
-
-def unregister() -> None:
-    """Undo `register`, and end what is under way."""
-    render_handlers.remove(_on_change)
     _end()
+    _is_tried = False

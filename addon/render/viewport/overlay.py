@@ -26,10 +26,18 @@ def hide(draw: Callable[[], None]) -> None:
         bpy.types.SpaceView3D.draw_handler_remove(_handlers.pop(draw), "WINDOW")
 
 
-def fill(rectangle: Rectangle, colour: tuple[float, float, float, float] = GROUND) -> None:
-    """Fill left, bottom, right, top with a colour, by its alpha."""
+def hide_all() -> None:
+    """Undo all calls of `show`."""
+    for draw in list(_handlers):
+        hide(draw)
+
+
+def fill(
+    rectangle: Rectangle, colour: tuple[float, float, float, float] = GROUND, blend: str = "ALPHA"
+) -> None:
+    """Fill left, bottom, right, top with a colour, by its alpha or as `blend` has it."""
     shader: Any = gpu.shader.from_builtin("UNIFORM_COLOR")
-    gpu.state.blend_set("ALPHA")
+    gpu.state.blend_set(blend)
     shader.bind()
     shader.uniform_float("color", colour)
     batch_for_shader(shader, "TRI_FAN", {"pos": _corners(rectangle)}).draw(shader)

@@ -15,14 +15,12 @@ from weakref import WeakValueDictionary
 import bpy
 import gpu
 import numpy as np
-from bpy.app.handlers import persistent
 from bpy_extras.view3d_utils import location_3d_to_region_2d
-from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
-from ...core.base.arrays import Floats
 from ...core.base.errors import UserError
 from ...scene.base import redraw
+from ...scene.base.events import at, watch
 from ...scene.base.remedy_words import WORDS
 from ...scene.base.timeline import clip_frame
 from ...scene.lens.lens import frame_options
@@ -32,8 +30,8 @@ from ..cg import cg_preview
 from ..processes.clip_process import CLIP
 from ..views.frame_size import render_size, shape_problem
 from ..views.gpu_views import upload
-from . import message, overlay
-from .overlay import Rectangle, draw_texture
+from . import message
+from .overlay import Rectangle, draw_texture, fill
 from .pictures import FAIR, FINE, Half, Picture, Wanted
 from .preview import Preview
 
@@ -68,6 +66,7 @@ class Shown:
 
 _in_regions: WeakValueDictionary[int, Shown] = WeakValueDictionary()
 """By region, as long as Blender keeps the engine that draws it."""
+CLIP.stays = lambda: bool(_in_regions)
 
 
 def update(shown: Shown, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
@@ -75,7 +74,7 @@ def update(shown: Shown, context: bpy.types.Context, depsgraph: bpy.types.Depsgr
     if shown.frame is not None and not bpy.app.is_job_running("RENDER"):
         with contextlib.suppress(UserError):  # `draw`, which follows, reports the error
             PREVIEW.want(_wanted(context, depsgraph, shown.frame[2]))
-            _watch()
+            watch(_tick, 0)
 
 
 def draw(
@@ -96,7 +95,7 @@ def draw(
         return
     if not bpy.app.is_job_running("RENDER"):
         PREVIEW.want(wanted)
-        _watch()
+        watch(_tick, 0)
     picture = _picture(wanted, shown.picture)
     shape = shape_problem(render_size(scene.render), wanted.shot.size(wanted.frame))
     shown.said = PREVIEW.problem(wanted) or PREVIEW.note or shape[:1].upper() + shape[1:]
@@ -142,11 +141,6 @@ def _draw_picture(shown: Shown) -> None:
         draw_texture(texture, where, "ALPHA_PREMULT", (begin, 0.0, end, 1.0))
 
 
-def _corners(frame: Rectangle, places: Floats) -> Floats:
-    """(n, 2) pixels of places (n, 2) in a frame, as shares of its width and height from the left bottom."""
-    return np.asarray(places * frame[2:] + frame[:2])
-
-
 def _shown_here(context: bpy.types.Context) -> Shown | None:
     """Our engine's content of the viewport that is being drawn."""
     is_engine = context.scene.render.engine == "VIRTUAL_APERTURE"
@@ -155,7 +149,7 @@ def _shown_here(context: bpy.types.Context) -> Shown | None:
     return _in_regions.get(context.region.as_pointer())
 
 
-def _clear_overlays() -> None:
+def clear_overlays() -> None:
     """Clear Blender's overlays in the rendered frame, among them the clip, stretched to the frame's shape."""
     context = bpy.context
     shown, space = _shown_here(context), context.space_data
@@ -165,17 +159,14 @@ def _clear_overlays() -> None:
     if points is not None and points.mode == "EDIT":
         # Its vertices are overlays, too.
         return
-    shader: Any = gpu.shader.from_builtin("UNIFORM_COLOR")
-    output = output_in_region(context.region, context.region_data, context.scene) or shown.frame
-    corners = _corners(output, np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
+    left, bottom, width, height = (
+        output_in_region(context.region, context.region_data, context.scene) or shown.frame
+    )
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
         gpu.matrix.load_matrix(Matrix.Identity(4))
         gpu.matrix.load_projection_matrix(_to_pixels(context.region))
         gpu.state.depth_test_set("NONE")
-        gpu.state.blend_set("NONE")
-        shader.bind()
-        shader.uniform_float("color", (0.0, 0.0, 0.0, 0.0))
-        batch_for_shader(shader, "TRI_FAN", {"pos": corners.tolist()}).draw(shader)
+        fill((left, bottom, left + width, bottom + height), (0.0, 0.0, 0.0, 0.0), "NONE")
 
 
 def _to_pixels(region: bpy.types.Region) -> Matrix:
@@ -184,7 +175,7 @@ def _to_pixels(region: bpy.types.Region) -> Matrix:
     return Matrix(((across, 0, 0, -1), (0, up, 0, -1), (0, 0, 1, 0), (0, 0, 0, 1)))
 
 
-def _draw_words() -> None:
+def draw_words() -> None:
     """Draw messages over a viewport's picture."""
     context = bpy.context
     shown = _shown_here(context)
@@ -289,11 +280,6 @@ _version = -1
 _shown_at = 0.0
 
 
-def _watch() -> None:
-    if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick)
-
-
 def _tick() -> float | None:
     """A timer's turn: viewports are drawn again when there is something new; None when all is done."""
     global _version, _shown_at
@@ -322,6 +308,11 @@ def end() -> None:
                     space.shading.type = "SOLID"
 
 
+@at("load_post")
+def _on_loaded(*_: object) -> None:
+    warm()
+
+
 def warm(soon: bool = False) -> None:
     """Start the preview's process if the file has a solved clip, or will have one `soon`; else end it."""
     if soon or any(scene.virtual_aperture.points is not None for scene in bpy.data.scenes):
@@ -332,34 +323,14 @@ def warm(soon: bool = False) -> None:
         CLIP.end()
 
 
-def _on_load(*_: object) -> None:
+@at("load_pre")
+def _forget(*_: object) -> None:
     PREVIEW.forget()
+    cg_preview.forget()
 
 
-def _on_loaded(*_: object) -> None:
-    warm()
-
-
-_forget, _warm = persistent(_on_load), persistent(_on_loaded)
-
-
-def register() -> None:
-    """Draw from now on; there is nothing to draw in without a window."""
-    overlay.show(_clear_overlays, "POST_VIEW")
-    overlay.show(_draw_words)
-    bpy.app.handlers.load_pre.append(_forget)
-    bpy.app.handlers.load_post.append(_warm)
-    CLIP.stays = lambda: bool(_in_regions)
-
-
-def unregister() -> None:
-    """Undo `register`, and end what is shown and under way."""
+def stop() -> None:
+    """End what is shown and under way."""
     end()
-    overlay.hide(_clear_overlays)
-    overlay.hide(_draw_words)
-    bpy.app.handlers.load_pre.remove(_forget)
-    bpy.app.handlers.load_post.remove(_warm)
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
-    PREVIEW.forget()
+    _forget()
     CLIP.end()

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 import bpy
-from bpy.app.handlers import persistent
+
+from ...scene.base.events import at
 
 MOST = 10_000
 """Notes that are kept of one render."""
@@ -38,22 +39,7 @@ def of(scene: bpy.types.Scene) -> list[FrameNote]:
     return [FrameNote(text, tuple(sorted(frames))) for text, frames in found.items()]
 
 
+@at("render_init", "load_pre")
 def forget(*_: object) -> None:
     """Clear the notes: a render begins, or another file is opened."""
     _said.clear()
-
-
-_on_begin = persistent(forget)
-
-
-def register() -> None:
-    """Forget at the right moments."""
-    bpy.app.handlers.render_init.append(_on_begin)
-    bpy.app.handlers.load_pre.append(_on_begin)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.app.handlers.render_init.remove(_on_begin)
-    bpy.app.handlers.load_pre.remove(_on_begin)
-    forget()

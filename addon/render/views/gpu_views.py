@@ -19,6 +19,7 @@ from ...core.base.errors import UserError
 from ...core.frame.plan import FramePlan
 from ...core.frame.vignetting import barrel_rows, matte_box_shift, view_shares
 from ...core.optics.aberrations import COMA_LENGTH
+from ...scene.gpu.gpu_sweep_shaders import ON_SCREEN, SCREEN
 from ...scene.gpu.main_thread import Steps, draw, leave_shader
 from .quiet import quiet
 
@@ -50,12 +51,6 @@ void main()
     /* Nothing hides nothing. */
     if (colour.a == 0.0)
         discard;
-}
-"""
-SUM_VERTEX = """
-void main()
-{
-    gl_Position = vec4(xy, 0.0, 1.0);
 }
 """
 SUM_FRAGMENT = """
@@ -95,8 +90,6 @@ void main()
     colour = (is_cut ? light * barrel.w : barrel.w) * seen;
 }
 """
-SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
-"""Clip coordinates of a triangle that covers the whole target."""
 
 
 def gpu_problem() -> str:
@@ -177,7 +170,7 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
     add.sampler(0, "FLOAT_2D", "view")
     add.vertex_in(0, "VEC2", "xy")
     add.fragment_out(0, "VEC4", "colour")
-    add.vertex_source(SUM_VERTEX)
+    add.vertex_source(ON_SCREEN)
     add.fragment_source(SUM_FRAGMENT)
     return gpu.shader.create_from_info(view), gpu.shader.create_from_info(add)
 

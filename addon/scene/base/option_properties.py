@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ...core.base.options import Option
 
@@ -31,6 +31,17 @@ def property_of(option: Option, update: Update | None = None) -> Any:
     if option.kind is int:
         return IntProperty(**arguments)
     return FloatProperty(subtype=option.unit, precision=option.precision, **arguments)
+
+
+def hidden(kind: Callable[..., Any], name: str, description: str, **more: Any) -> Any:
+    """Return a property of a kind, such as `StringProperty`, that the interface does not show."""
+    return kind(name=name, description=description, options={"HIDDEN"}, **more)
+
+
+def path_property(name: str, description: str, subtype: str = "FILE_PATH", **more: Any) -> Any:
+    """Return a property that is a path, which may be relative to the .blend."""
+    options = {"PATH_SUPPORTS_BLEND_RELATIVE"}
+    return StringProperty(name=name, description=description, subtype=subtype, options=options, **more)
 
 
 def with_options(

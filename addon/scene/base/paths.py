@@ -4,11 +4,11 @@ Blender does this for the paths of images and sounds, and not for those of prope
 """
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import bpy
-from bpy.app.handlers import persistent
+
+from .events import at
 
 PATHS = ("footage", "work_dir", "depth_maps", "masks")
 """Properties of the settings that are paths."""
@@ -57,6 +57,7 @@ def own_file(owner: bpy.types.ID) -> Path | None:
     return Path(file) if file else None
 
 
+@at("save_pre")
 def _save_pre(filepath: str, _unused: object) -> None:
     _before.clear()
     if not filepath:
@@ -84,6 +85,7 @@ def owned(scene: bpy.types.Scene) -> list[tuple[bpy.types.bpy_struct, str]]:
     return paths
 
 
+@at("save_post")
 def _save_post(filepath: str, _unused: object) -> None:
     here = bpy.data.filepath
     # A copy lies elsewhere than the file that stays open.
@@ -92,32 +94,8 @@ def _save_post(filepath: str, _unused: object) -> None:
     _before.clear()
 
 
-def _save_post_fail(_filepath: str, _unused: object) -> None:
-    _restore()
-
-
-def _restore() -> None:
+@at("save_post_fail")
+def _restore(*_: object) -> None:
     for owner, name, value in _before:
         setattr(owner, name, value)
     _before.clear()
-
-
-def _handlers() -> list[tuple[list[Callable[..., None]], Callable[..., None]]]:
-    handlers = bpy.app.handlers
-    return [
-        (handlers.save_pre, _save_pre),
-        (handlers.save_post, _save_post),
-        (handlers.save_post_fail, _save_post_fail),
-    ]
-
-
-def register() -> None:
-    """Be called when a .blend is saved, in whichever .blend is open."""
-    for called, ours in _handlers():
-        called.append(persistent(ours))
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for called, ours in _handlers():
-        called.remove(ours)

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...core.focus.pull import FocusMark, pull
 from ..lens import lens
+from ..solve.camera import curves_of
 from ..sources.shot import reconstruction_of
 
 GROUP = "Focus"
@@ -59,9 +60,7 @@ def remove(settings: bpy.types.PropertyGroup) -> None:
     if curve is None:
         return
     shown = settings.focus_distance
-    bag = lens.channels_of(settings)
-    assert bag is not None
-    bag.fcurves.remove(curve)
+    curves_of(settings.id_data).remove(curve)
     with lens.writing():
         settings.focus_distance = shown
 

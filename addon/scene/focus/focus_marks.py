@@ -27,6 +27,7 @@ from ...core.focus.first_focus import first_place
 from ...core.focus.focus import Focus
 from ...core.focus.place import Place
 from ...core.focus.pull import FocusMark, unseen
+from ..base.option_properties import hidden
 from ..base.timeline import clip_frame
 from ..lens import lens
 from ..sources.shot import reconstruction_of
@@ -87,7 +88,7 @@ class VirtualApertureFocusMark(bpy.types.PropertyGroup):
         description="Keep the distance at the mark's frame instead of following what was picked",
         update=_rewrite,
     )
-    kept: StringProperty(name="Places", description="What is in focus", options={"HIDDEN"})
+    kept: hidden(StringProperty, "Places", "What is in focus")
     distance: FloatProperty(
         name="Distance",
         description="Distance from the camera at its frame, in scene units",
@@ -105,14 +106,10 @@ class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
 
     items: CollectionProperty(type=VirtualApertureFocusMark)
     active: IntProperty(name="Active Focus Mark", options={"HIDDEN"})
-    written: StringProperty(
-        name="Written",
-        description="Digest of the keyframes written by the marks; empty if there are none",
-        options={"HIDDEN"},
+    written: hidden(
+        StringProperty, "Written", "Digest of the keyframes written by the marks; empty if there are none"
     )
-    unseen: StringProperty(
-        name="Not Seen", description="Frames in which the thing in focus cannot be seen", options={"HIDDEN"}
-    )
+    unseen: hidden(StringProperty, "Not Seen", "Frames in which the thing in focus cannot be seen")
 
     @property
     def is_first(self) -> bool:
@@ -242,7 +239,8 @@ def write(settings: bpy.types.PropertyGroup) -> None:
     with lens.writing():
         _sort(settings)
         marks = marks_of(settings)
-        hidden = unseen_of(settings, marks)
+        frames = range(settings.clip_first, settings.clip_last + 1)
+        hidden = unseen(marks, reconstruction_of(settings), frames) if marks else []
         settings.marks.unseen = " ".join(map(str, hidden))
         if not marks:
             focus_curve.remove(settings)
@@ -256,12 +254,6 @@ def write(settings: bpy.types.PropertyGroup) -> None:
         settings.focus_distance = focus_curve.value(settings, clip_frame(settings.id_data))
         for mark in settings.marks.items:
             mark.distance = focus_curve.value(settings, mark.frame)
-
-
-def unseen_of(settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark]) -> list[int]:
-    """Return the frames of the clip that do not show a followed mark."""
-    frames = range(settings.clip_first, settings.clip_last + 1)
-    return unseen(marks, reconstruction_of(settings), frames) if marks else []
 
 
 def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> None:

@@ -24,8 +24,6 @@ from .main_thread import Steps, draw, leave_shader
 
 UNKNOWN = -1e6
 """Level of a pixel without features."""
-SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
-"""Clip coordinates of a triangle that covers the whole target."""
 
 type Texture = gpu.types.GPUTexture
 
@@ -135,7 +133,7 @@ class _Sweep:
         """The winners of costs and their sums."""
         shader = shaders.winners()
         target = _room(self.size, "RGBA32F")
-        screen = batch_for_shader(shader, "TRIS", {"xy": SCREEN})
+        screen = batch_for_shader(shader, "TRIS", {"xy": shaders.SCREEN})
         frame_buffer = gpu.types.GPUFrameBuffer(color_slots=(target,))
         with frame_buffer.bind():
             gpu.state.depth_test_set("NONE")

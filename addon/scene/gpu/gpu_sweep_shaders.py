@@ -7,6 +7,7 @@ layer of a texture the next four. Pictures' rows count from the top in all of th
 from dataclasses import dataclass
 
 import gpu
+import numpy as np
 
 MISMATCH = """
 /* `View.warped` with zero around, times 255. */
@@ -219,12 +220,15 @@ void main()
     }
 }
 """
-SCREEN = """
+SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
+"""Clip coordinates of a triangle that covers the whole target,"""
+ON_SCREEN = """
 void main()
 {
     gl_Position = vec4(xy, 0.0, 1.0);
 }
 """
+"""and the shader of its vertices."""
 WINNERS = """
 uint summed(ivec2 at, int level)
 {
@@ -331,6 +335,6 @@ def winners() -> gpu.types.GPUShader:
     info.sampler(2, "FLOAT_2D", "spreads")
     info.vertex_in(0, "VEC2", "xy")
     info.fragment_out(0, "VEC4", "winner")
-    info.vertex_source(SCREEN)
+    info.vertex_source(ON_SCREEN)
     info.fragment_source(WINNERS)
     return gpu.shader.create_from_info(info)

@@ -8,7 +8,6 @@ from pathlib import Path
 import bpy
 import cv2
 import numpy as np
-from bpy.props import StringProperty
 
 from ...core.base.arrays import Map
 from ...core.base.file_names import checked_name
@@ -16,7 +15,7 @@ from ...core.frame.options import APERTURE_OPTIONS
 from ...core.media.light import to_linear
 from ...core.media.picture_file import read_picture
 from ...core.optics.aperture import FINEST, Aperture, ApertureImage
-from ..base.option_properties import values_of, with_options
+from ..base.option_properties import path_property, values_of, with_options
 from ..base.paths import absolute
 from . import aperture_cloud
 
@@ -29,12 +28,10 @@ def _edited(shape: VirtualApertureShape, _context: bpy.types.Context) -> None:
 class VirtualApertureShape(bpy.types.PropertyGroup):
     """The shape of the aperture, with the names and units of Blender's `Camera.dof` where it has them."""
 
-    image: StringProperty(
-        name="Image",
-        description="Image used as the aperture instead of blades, white where light passes. Strong blur"
-        " takes on its shape",
-        subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+    image: path_property(
+        "Image",
+        "Image used as the aperture instead of blades, white where light passes. Strong blur takes on its"
+        " shape",
         update=_edited,
     )
 

@@ -7,7 +7,9 @@ renders and the viewport show it; it has no influence.
 import bpy
 
 from ...core.base.errors import UserError
+from ..base.events import at
 from ..base.timeline import clip_frame
+from ..gpu import main_thread
 from ..solve.camera import curves_of
 
 PATH = "dof.focus_distance"
@@ -75,6 +77,22 @@ def release(settings: bpy.types.PropertyGroup) -> str:
         return ""
     settings.camera.data.dof.focus_object = None
     return str(thing.name)
+
+
+@at("depsgraph_update_post")
+def _on_update(scene: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph | None = None) -> None:
+    """Note how far away an object is that is put in focus in the camera's properties, without an event."""
+    settings = scene.virtual_aperture
+    thing = focus_object(settings)
+    name = "" if thing is None else thing.name_full
+    if settings.object_name == name:
+        return
+    # A render's data are its own, on whichever thread.
+    if main_thread.is_here() and not bpy.app.is_job_running("RENDER"):
+        away = distance(settings)
+        settings.object_name, settings.object_distance = name, max(away or 0.0, 0.0)
+        # Properties without a callback do not have the scene evaluated.
+        scene.update_tag()
 
 
 def _camera(settings: bpy.types.PropertyGroup) -> bpy.types.Object | None:

@@ -12,10 +12,11 @@ from contextlib import contextmanager
 import bpy
 
 from ...core.base.errors import UserError
+from ...core.base.lru_cache import remembered
 from ...core.focus import focus as core_focus
 from ...core.optics.zone import InFocusZone
 from ..base.timeline import clip_frame
-from ..sources.shot import IDENTITY, reconstruction_of
+from ..sources.shot import reconstruction_of
 from . import lens
 from .scale import scale, sensor_millimetres
 
@@ -120,7 +121,7 @@ def show_in_camera(settings: bpy.types.PropertyGroup) -> None:
         settings.camera.data.dof.aperture_fstop = settings.camera.data.lens / 1000 / across
 
 
-_last: tuple[tuple[object, ...], tuple[float, float] | None] | None = None
+_sharp_distances = remembered(1)(core_focus.sharp_distances)
 """Panels are drawn often while nothing changes."""
 
 
@@ -129,27 +130,16 @@ def sharp_distances(settings: bpy.types.PropertyGroup) -> tuple[float, float] | 
 
     `ThinLens.sharp_distances` has the rule. None where nothing is in focus.
     """
-    global _last
     if settings.points is None or not lens.is_in_focus(settings):
         return None
-    frame, focus = clip_frame(settings.id_data), lens.focus_of(settings)
-    zone = lens.zone_of(settings)
-    mesh = settings.points.original.data
-    key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus, zone, settings.aperture_radius)
-    if _last is None or _last[0] != key:
-        _last = key, _sharp_distances(settings, focus, zone, frame)
-    return _last[1]
-
-
-def _sharp_distances(
-    settings: bpy.types.PropertyGroup, focus: core_focus.Focus, zone: InFocusZone, frame: int
-) -> tuple[float, float] | None:
     try:
         reconstruction = reconstruction_of(settings)
+        frame = lens.registered(reconstruction, clip_frame(settings.id_data))
         radius = lens.radius_of(settings, reconstruction)
-        return core_focus.sharp_distances(
-            reconstruction, focus, lens.registered(reconstruction, frame), radius, zone
+        zone = InFocusZone(
+            settings.zone_front, settings.zone_behind, settings.blur_in_front, settings.blur_behind
         )
+        return _sharp_distances(reconstruction, lens.focus_of(settings), frame, radius, zone)
     except UserError:
         # A render reports the error.
         return None

@@ -14,14 +14,15 @@ import bpy
 import numpy as np
 
 from ...core.base.errors import UserError
+from ...core.base.lru_cache import remembered
 from ...core.camera.focal_length import Focal, from_equivalent, from_sensor
 from ...core.camera.reconstruction import Reconstruction
 from ...core.focus.focus import Focus, radius_for_blur
 from ...core.frame.options import FRAME_OPTIONS, frame_values
 from ...core.frame.plan import FrameOptions
-from ...core.optics.zone import InFocusZone
 from ..base.option_properties import values_of
 from ..base.timeline import clip_frame
+from ..solve.camera import curves_of
 from ..sources.shot import reconstruction_of
 from . import blender_focus
 from .repairs import repairs_of
@@ -71,13 +72,6 @@ def focus_frame(settings: bpy.types.PropertyGroup) -> int:
     """Return the frame that the blur is chosen at: that of the first mark, or the clip's first."""
     marks = settings.marks.items
     return int(marks[0].frame if len(marks) else settings.clip_first)
-
-
-def zone_of(settings: bpy.types.PropertyGroup) -> InFocusZone:
-    """Return the in-focus zone that the settings describe."""
-    return InFocusZone(
-        settings.zone_front, settings.zone_behind, settings.blur_in_front, settings.blur_behind
-    )
 
 
 def focal_of(settings: bpy.types.PropertyGroup) -> Focal | None:
@@ -177,24 +171,8 @@ def has_keys(settings: bpy.types.PropertyGroup, name: str) -> bool:
 
 def keys_of(settings: bpy.types.PropertyGroup, name: str) -> bpy.types.FCurve | None:
     """Return the keys of a property; None where it has none."""
-    bag = channels_of(settings)
-    return None if bag is None else bag.fcurves.find(settings.path_from_id(name))
-
-
-def channels_of(settings: bpy.types.PropertyGroup) -> bpy.types.ActionChannelbag | None:
-    """Return the F-curves of the scene; None without any."""
-    from bpy_extras.anim_utils import action_get_channelbag_for_slot
-
-    animation = settings.id_data.animation_data
-    if animation is None or animation.action is None:
-        return None
-    return action_get_channelbag_for_slot(animation.action, animation.action_slot)
-
-
-def key_distance(settings: bpy.types.PropertyGroup, distance: float) -> None:
-    """Key a distance at the present frame."""
-    settings.focus_distance = distance
-    settings.id_data.keyframe_insert(settings.path_from_id("focus_distance"), frame=_frame(settings))
+    curves = curves_of(settings.id_data)
+    return curves.find(settings.path_from_id(name)) if curves else None
 
 
 def reset(settings: bpy.types.PropertyGroup) -> None:
@@ -242,16 +220,10 @@ def shown_radius(settings: bpy.types.PropertyGroup, held: float, _is_set: bool) 
         return 0.0
 
 
-_last: tuple[Reconstruction, Focus, int, float] | None = None
-"""Panels are drawn often while nothing changes."""
-
-
+@remembered(1)
 def _unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
     """The radius of an aperture with a blur of 1 at a frame; UserError where nothing is to be blurred."""
-    global _last
-    if _last is None or _last[0] is not reconstruction or _last[1:3] != (focus, frame):
-        _last = reconstruction, focus, frame, radius_for_blur(reconstruction, focus, frame, 1.0)
-    return _last[3]
+    return radius_for_blur(reconstruction, focus, frame, 1.0)
 
 
 def distance_now(settings: bpy.types.PropertyGroup) -> float:

@@ -1,6 +1,7 @@
 """Repairs of depth as they are kept in the .blend."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import bpy
 from bpy.props import CollectionProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty
@@ -11,6 +12,10 @@ from ..sources.subjects import VirtualApertureStrokePlace
 
 BRUSH = Repair("nearer", 1, ((0.5, 0.5),))
 """Gives the brush its defaults."""
+AMOUNT: Any = {
+    "name": "Amount", "description": "How much nearer or farther: 0.25 is a quarter of the distance",
+    "default": BRUSH.amount, "min": 0.01, "max": 10.0, "soft_max": 1.0, "precision": 2,
+}  # fmt: skip
 HELP = {
     "same": "Paint with the depth of the place that you click first",
     "nearer": "Bring what you paint nearer",
@@ -34,14 +39,7 @@ class VirtualApertureRepair(bpy.types.PropertyGroup):
     radius: FloatProperty(
         name="Brush Size", description="Radius of the brush, a share of the image width", default=BRUSH.radius
     )
-    amount: FloatProperty(
-        name="Amount",
-        description="How much nearer or farther: 0.25 is a quarter of the distance",
-        default=BRUSH.amount,
-        min=0.01,
-        max=10.0,
-        update=_changed,
-    )
+    amount: FloatProperty(**AMOUNT, update=_changed)
     reference: FloatVectorProperty(
         name="Reference", description="Place with the right depth", size=2, default=(-1, -1)
     )
@@ -63,15 +61,7 @@ class VirtualApertureRepairs(bpy.types.PropertyGroup):
         soft_max=0.1,
         precision=3,
     )
-    amount: FloatProperty(
-        name="Amount",
-        description="How much nearer or farther: 0.25 is a quarter of the distance",
-        default=BRUSH.amount,
-        min=0.01,
-        max=10.0,
-        soft_max=1.0,
-        precision=2,
-    )
+    amount: FloatProperty(**AMOUNT)
 
 
 def repairs_of(settings: bpy.types.PropertyGroup) -> tuple[Repair, ...]:

@@ -4,9 +4,10 @@ import bpy
 import numpy as np
 
 from ...core.base.errors import UserError
+from ...core.base.lru_cache import remembered
 from ...core.camera.reconstruction import Reconstruction
 from ..solve.camera import SENSOR
-from ..sources.shot import IDENTITY, reconstruction_of
+from ..sources.shot import reconstruction_of
 
 NORMAL, PORTRAIT = 50.0, 2.0
 """Millimetres on a full frame, and metres: lens and distance of an assumed scale. Presets of lenses are
@@ -48,31 +49,21 @@ def known_scale(settings: bpy.types.PropertyGroup) -> float:
     return float(settings.metres_per_unit) or float(settings.guessed_scale)
 
 
-_assumed: tuple[tuple[object, ...], float] | None = None
-"""Panels are drawn often while nothing changes."""
-
-
 def _assumed_scale(settings: bpy.types.PropertyGroup) -> float:
+    try:
+        return _assumed_for(reconstruction_of(settings))
+    except UserError:
+        return 0.0
+
+
+@remembered(1)
+def _assumed_for(reconstruction: Reconstruction) -> float:
     """Metres per unit with which an f-stop blurs as photographers know it from a normal lens.
 
     A far background's disc is f^2 / (N s) on the sensor, for a subject at s: with s in proportion to f^2 it
     is that of the f-stop N alone. So the feature points are taken to be, in the median, 2 m away from a lens
     of 50 mm, and 0.5 m from a phone's of 26 mm. It is of the solve alone: no focus or frame changes it.
     """
-    global _assumed
-    if settings.points is None or settings.points.type != "MESH":
-        return 0.0
-    mesh = settings.points.data
-    key = (mesh.get(IDENTITY), mesh.session_uid)
-    if _assumed is None or _assumed[0] != key:
-        try:
-            _assumed = key, _assumed_for(reconstruction_of(settings))
-        except UserError:
-            _assumed = key, 0.0
-    return _assumed[1]
-
-
-def _assumed_for(reconstruction: Reconstruction) -> float:
     cameras = [reconstruction.intrinsics(image) for image in reconstruction.images]
     if not (depth := reconstruction.typical_depth) > 0:
         return 0.0

@@ -110,7 +110,7 @@ def _clear(data: bpy.types.ID, paths: Sequence[str], frame: int | None) -> None:
 
 
 def curves_of(data: bpy.types.ID) -> Any:
-    """Return the F-curves of an object or its data; none without an action."""
+    """Return the F-curves of a datablock; none without an action."""
     from bpy_extras.anim_utils import action_get_channelbag_for_slot
 
     animation = data.animation_data

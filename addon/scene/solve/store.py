@@ -16,6 +16,8 @@ PREFIX = "virtual_aperture_"
 VERSION = 3
 READOUT = PREFIX + "readout"
 IS_ORDERED = PREFIX + "is_ordered"
+ROW = "width", "height", "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"
+"""Fields of `Intrinsics`, of which a camera has a row."""
 MODELS = tuple(PARAMETERS)
 MOST_TERMS = max(len(term_names(family)) for family in FAMILIES)
 
@@ -24,7 +26,7 @@ def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
     """Keep a reconstruction in a mesh's custom properties, replacing the one that was there."""
     cameras, images, points = reconstruction.cameras, reconstruction.images, reconstruction.points
     arrays: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
-        "cameras": np.array([_intrinsics_row(c) for c in cameras]).ravel(),
+        "cameras": np.array([[getattr(c, name) for name in ROW] for c in cameras]).ravel(),
         "lens_models": np.array([MODELS.index(c.model) for c in cameras], dtype=np.int32),
         "lens_terms": np.array([np.pad(c.terms, (0, MOST_TERMS - len(c.terms))) for c in cameras]).ravel(),
         "frames": reconstruction.frames,
@@ -86,7 +88,7 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     points = Points(
         array("xyz").reshape(-1, 3), integers("rgb").reshape(-1, 3).astype(np.uint8), array("error")
     )
-    rows = array("cameras").reshape(-1, 10)
+    rows = array("cameras").reshape(-1, len(ROW))
     terms = array("lens_terms").reshape(len(rows), -1)
     lenses = tuple(
         _intrinsics(row, MODELS[model], more)
@@ -96,15 +98,7 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     return Reconstruction(lenses, images, points, is_ordered(mesh), (float(across), float(down)))
 
 
-def _intrinsics_row(camera: Intrinsics) -> list[float]:
-    return [
-        camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.k1, camera.k2,
-        camera.p1, camera.p2,
-    ]  # fmt: skip
-
-
 def _intrinsics(row: NDArray[np.float64], model: str, terms: NDArray[np.float64]) -> Intrinsics:
     count = 0 if model == "OPENCV" else len(term_names(model))
-    fx, fy, cx, cy, k1, k2, p1, p2 = (float(value) for value in row[2:])
-    more = tuple(float(term) for term in terms[:count])
-    return Intrinsics(int(row[0]), int(row[1]), fx, fy, cx, cy, k1, k2, p1, p2, model, more)
+    numbers = dict(zip(ROW[2:], row[2:].tolist(), strict=True))
+    return Intrinsics(int(row[0]), int(row[1]), **numbers, model=model, terms=tuple(terms[:count].tolist()))

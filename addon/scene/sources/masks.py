@@ -1,6 +1,7 @@
 """Blender's mask datablock as a mask of moving pixels: its splines, frame by frame."""
 
-from collections.abc import Callable, Iterable, Sequence
+import hashlib
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import bpy
@@ -75,6 +76,18 @@ class DrawnMask:
             return True
         return _same(self.layers[frame], layers_of(mask))
 
+    @property
+    def digest(self) -> str:
+        """64 hexadecimal digits of its outlines and feathers over all frames."""
+        digest = hashlib.sha256()
+        for frame, layers in sorted(self.layers.items()):
+            for layer in layers:
+                own = layer.falloff, layer.alpha, layer.blend, layer.is_inverted, layer.overlaps
+                digest.update(repr((frame, own)).encode())
+                for outline in (*layer.outlines, *layer.feathers):
+                    digest.update(np.ascontiguousarray(outline).tobytes())
+        return digest.hexdigest()
+
 
 def drawn_mask(mask: bpy.types.Mask, frames: Iterable[int], size: tuple[int, int]) -> DrawnMask:
     """Read the mask in every frame of a clip of size (width, height), with shape keys and feather.
@@ -104,11 +117,12 @@ def layers_of(mask: bpy.types.Mask) -> tuple[Layer, ...]:
     """Return the layers of a mask at the frame that it is evaluated at."""
     return tuple(
         Layer(
-            *_outlines([each for each in layer.splines if each.use_fill and len(each.points) > 1]),
+            tuple(map(_outline, splines)), tuple(map(_feather, splines)),
             layer.falloff, layer.alpha, layer.blend, layer.invert, layer.use_fill_overlap,
         )
         for layer in mask.layers
         if not layer.hide_render
+        for splines in [[each for each in layer.splines if each.use_fill and len(each.points) > 1]]
     )  # fmt: skip
 
 
@@ -116,10 +130,6 @@ def follows_tracks(mask: bpy.types.Mask) -> bool:
     """Return whether points of the mask have tracks for parents, which are ignored."""
     points = (point for layer in mask.layers for spline in layer.splines for point in spline.points)
     return any(point.parent.id is not None for point in points)
-
-
-def _outlines(splines: Sequence[bpy.types.MaskSpline]) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
-    return tuple(map(_outline, splines)), tuple(map(_feather, splines))
 
 
 def _feather(spline: bpy.types.MaskSpline) -> Floats:

@@ -41,7 +41,6 @@ from ..solve import store
 from . import subjects
 from .clip import solved_clip_path, solved_part, work_dir
 from .colour_space import REC_709, from_rec_709, space_of, working_space
-from .digests import drawn_digest, reconstruction_digest
 from .masks import DrawnMask, drawn_mask
 
 KEPT_DEPTH = "depth"
@@ -111,7 +110,7 @@ class Shot:
     def context(self) -> ClipContext:
         """The clip as the core's stages see it."""
         return ClipContext(
-            self.reconstruction, self.read, None, self._masks, self._store,
+            self.reconstruction, self.clip.read, None, self._masks, self._store,
             self.subjects, self._found, self._kept(self._highlight_key), gpu_matcher.winning_levels,
             self.depth, self.from_rec_709, lambda: self.fixed,
         )  # fmt: skip
@@ -174,14 +173,20 @@ class Shot:
 
     def _highlight_key(self) -> str:
         """The same of highlights, whatever moves."""
-        return _digest("highlights", code_digest("core"), self._clip_digests)
+        return _digest("highlights", code_digest("core"), self.clip_digests)
 
     def _key(self, *options: object) -> str:
-        masks = self.masks and clip_digest(self.masks.pictures.path), self.drawn and drawn_digest(self.drawn)
-        return _digest(code_digest("core"), self._clip_digests, masks, options)
+        return _digest(code_digest("core"), self.clip_digests, self.mask_digests, options)
 
     @property
-    def _clip_digests(self) -> tuple[str, ...]:
+    def mask_digests(self) -> tuple[str, str]:
+        """Digests of the user's masks; "" for one that there is not."""
+        pictures = clip_digest(self.masks.pictures.path) if self.masks else ""
+        return pictures, self.drawn.digest if self.drawn else ""
+
+    @property
+    def clip_digests(self) -> tuple[str, ...]:
+        """Digests of the clip and its solve, and how its pictures are read."""
         # As the solve knows its clip: known already, where all bytes of a sequence would have to be read.
         # Pictures of sRGB are compared as they are stored.
         space = () if self.space is None else (self.space.name,)
@@ -194,24 +199,25 @@ class Shot:
     def _reconstruction_digest(self) -> str:
         return reconstruction_digest(self.reconstruction)
 
-    @property
-    def read(self) -> Callable[[int], Pixels]:
-        """As `Filmed.read`."""
-        return self.clip.read
-
-    @property
-    def repaired(self) -> dict[int, int]:
-        """As `Filmed.repaired`."""
-        return self.clip.repaired
-
-    @property
-    def masked(self) -> Callable[[int], Map | None]:
-        """As `Filmed.masked`."""
-        return self.clip.masked
-
 
 def _digest(*things: object) -> str:
     return hashlib.sha256(repr(things).encode()).hexdigest()[:16]
+
+
+def reconstruction_digest(reconstruction: Reconstruction) -> str:
+    """Return 64 hexadecimal digits of cameras and points."""
+    digest = hashlib.sha256()
+    digest.update(repr(reconstruction.cameras).encode())
+    if not reconstruction.is_ordered:
+        digest.update(b"stills")
+    if any(reconstruction.readout):
+        digest.update(repr(reconstruction.readout).encode())
+    for image in reconstruction.images:
+        digest.update(f"{image.frame} {image.camera}".encode())
+        for array in (image.rotation, image.translation, image.xy, image.points, image.visible):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update(np.ascontiguousarray(reconstruction.points.xyz).tobytes())
+    return digest.hexdigest()
 
 
 _last: tuple[tuple[str, ...], Shot] | None = None

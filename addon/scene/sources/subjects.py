@@ -9,6 +9,7 @@ from bpy.props import BoolProperty, CollectionProperty, FloatVectorProperty, Int
 from ...core.focus.place import Place
 from ...core.subjects.strokes import MarkedSubject, Stroke
 from ..base import redraw
+from ..base.option_properties import hidden
 
 DEFAULT_NAME = "Subject"
 
@@ -55,9 +56,7 @@ class VirtualApertureSubject(bpy.types.PropertyGroup):
 
     name: StringProperty(name="Name", description="Name of the subject", update=_renamed)
     strokes: CollectionProperty(type=VirtualApertureStroke)
-    unsure: StringProperty(
-        name="Uncertain Frames", description="Frames where another stroke would help", options={"HIDDEN"}
-    )
+    unsure: hidden(StringProperty, "Uncertain Frames", "Frames where another stroke would help")
 
 
 class VirtualApertureSubjects(bpy.types.PropertyGroup):

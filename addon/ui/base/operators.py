@@ -75,19 +75,10 @@ def requires(is_true: Callable[[bpy.types.Context], object], message: str) -> Co
     return lambda cls, context: is_met(cls, is_true(context), message)
 
 
-def is_idle(cls: Any, _context: bpy.types.Context) -> bool:
-    """Poll: no clip is being solved."""
-    return is_met(cls, running_solve() is None, "A clip is being solved; ESC cancels it")
-
-
-def has_clip(cls: Any, context: bpy.types.Context) -> bool:
-    """Poll: a clip is chosen."""
-    return is_met(cls, context.scene.virtual_aperture.footage, "Choose a clip first")
-
-
-def has_solve(cls: Any, context: bpy.types.Context) -> bool:
-    """Poll: the scene holds a solved clip."""
-    return is_met(cls, context.scene.virtual_aperture.points is not None, "Solve the clip first")
+is_idle = requires(lambda _: running_solve() is None, "A clip is being solved; ESC cancels it")
+has_clip = requires(lambda c: c.scene.virtual_aperture.footage, "Choose a clip first")
+has_solve = requires(lambda c: c.scene.virtual_aperture.points is not None, "Solve the clip first")
+"""Polls: no clip is being solved; a clip is chosen; the scene holds a solved clip."""
 
 
 def has_focus(cls: Any, context: bpy.types.Context) -> bool:
@@ -137,3 +128,36 @@ def reported(
             return {"CANCELLED"}
 
     return wrapped
+
+
+class Named:
+    """A mixin of operators: Blender calls VIRTUAL_APERTURE_OT_solve virtual_aperture.solve."""
+
+    def __init_subclass__(cls: Any) -> None:
+        super().__init_subclass__()
+        cls.bl_idname = cls.__name__.replace("_OT_", ".").lower()
+
+    def once_more(self: Any, **changed: object) -> None:
+        """Call the operator again in the window, with its properties but those that are `changed`."""
+        call = getattr(bpy.ops.virtual_aperture, type(self).__name__.partition("_OT_")[2])
+        call("INVOKE_DEFAULT", **self.as_keywords() | changed)
+
+
+class Acts(Named):
+    """A mixin of operators that do something at once."""
+
+    def act(self, context: bpy.types.Context) -> str | None:
+        """Do it; return a line about it, if there is one to be shown, or raise UserError."""
+        raise NotImplementedError
+
+    @reported
+    def execute(self: Any, context: bpy.types.Context) -> Result:
+        if said := self.act(context):
+            self.report({"INFO"}, said)
+        return {"FINISHED"}
+
+
+class Edits(Acts):
+    """One that changes the scene, and can be undone and repeated."""
+
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012

@@ -64,6 +64,13 @@ def left_words(seconds: float | None) -> str:
     return f"About {hours} h {minutes:02d} min left" if hours else f"About {minutes} min left"
 
 
+def list_row(layout: bpy.types.UILayout, name: str, group: bpy.types.PropertyGroup) -> bpy.types.UILayout:
+    """Draw the items of a group by the list called `name`, two to five rows high; returns its row."""
+    row, high = layout.row(), max(2, min(len(group.items), 5))
+    row.template_list(f"VIRTUAL_APERTURE_UL_{name}", "", group, "items", group, "active", rows=high)
+    return row
+
+
 def progress_row(
     layout: bpy.types.UILayout,
     words: str,

@@ -1,7 +1,5 @@
 """The list of focus marks, and the operators of a focus pull."""
 
-from typing import Any
-
 import bpy
 
 from ...core.base.counting import counted
@@ -12,7 +10,8 @@ from ...scene.focus import focus_curve, focus_marks
 from ...scene.focus.kept_places import at_distance
 from ...scene.lens import aperture_cloud, blender_focus
 from ...scene.lens.depth_of_field import length_words
-from ..base.operators import Result, has_focus, has_solve, is_met, may_change, polls, reported, requires
+from ..base.operators import Acts, Edits, has_focus, has_solve, is_met, may_change, polls, requires
+from ..base.text import list_row
 from ..jobs.report_list import next_of
 from ..picking.pick_vertices import focus_on
 from . import thumbnails
@@ -30,19 +29,15 @@ def has_marks(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool
     )
 
 
-class ChangesMarks:
+class ChangesMarks(Edits):
     """An operator that changes the focus marks, of which there is one at least."""
-
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     poll = polls(may_change, has_marks)
 
-    @reported
-    def execute(self: Any, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         said = self.change(context.scene.virtual_aperture, clip_frame(context.scene))
         aperture_cloud.update(context.scene.virtual_aperture)
-        self.report({"INFO"}, said)
-        return {"FINISHED"}
+        return said
 
     def change(self, settings: bpy.types.PropertyGroup, frame: int) -> str:
         """Change the marks; returns a line about it, or raises UserError."""
@@ -71,13 +66,11 @@ class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
         away.label(text=length_words(context.scene.virtual_aperture, mark.distance))
 
 
-class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_hold_focus(Edits, bpy.types.Operator):  # noqa: N801
     """Add a focus mark at the current frame that holds the present focus, so that the pull to the next mark
     starts here"""
 
-    bl_idname = "virtual_aperture.hold_focus"
     bl_label = "Hold Focus Here"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -85,13 +78,11 @@ class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
         is_free, message = focus_marks.at_frame(settings, frame) is None, f"Frame {frame} already has a mark"
         return may_change(cls, context) and has_focus(cls, context) and is_met(cls, is_free, message)
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         settings, frame = context.scene.virtual_aperture, clip_frame(context.scene)
         if blender_focus.distance(settings) is not None:
             raise UserError("focus is on an object; pick the focus instead")
-        self.report({"INFO"}, focus_on(settings, frame, held(settings, frame), add=True))
-        return {"FINISHED"}
+        return focus_on(settings, frame, held(settings, frame), add=True)
 
 
 def held(settings: bpy.types.PropertyGroup, frame: int) -> list[Place]:
@@ -107,7 +98,6 @@ def held(settings: bpy.types.PropertyGroup, frame: int) -> list[Place]:
 class VIRTUAL_APERTURE_OT_remove_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
     """Remove the active focus mark. After the last one, focus stays at its distance"""
 
-    bl_idname = "virtual_aperture.remove_focus_mark"
     bl_label = "Remove Focus Mark"
 
     def change(self, settings: bpy.types.PropertyGroup, _frame: int) -> str:
@@ -119,7 +109,6 @@ class VIRTUAL_APERTURE_OT_remove_focus_mark(ChangesMarks, bpy.types.Operator):  
 class VIRTUAL_APERTURE_OT_move_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
     """Move the active focus mark to the current frame"""
 
-    bl_idname = "virtual_aperture.move_focus_mark"
     bl_label = "Move Focus Mark Here"
 
     def change(self, settings: bpy.types.PropertyGroup, frame: int) -> str:
@@ -128,10 +117,9 @@ class VIRTUAL_APERTURE_OT_move_focus_mark(ChangesMarks, bpy.types.Operator):  # 
         return f"Moved the focus mark from frame {before} to frame {frame}"
 
 
-class VIRTUAL_APERTURE_OT_jump_to_focus_mark(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_jump_to_focus_mark(Acts, bpy.types.Operator):  # noqa: N801
     """Go to this focus mark's frame"""
 
-    bl_idname = "virtual_aperture.jump_to_focus_mark"
     bl_label = "Jump to Focus Mark"
     bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
 
@@ -139,20 +127,18 @@ class VIRTUAL_APERTURE_OT_jump_to_focus_mark(bpy.types.Operator):  # noqa: N801
 
     poll = polls(has_marks)
 
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> None:
         group = context.scene.virtual_aperture.marks
         go_to(context.scene, self.frame)
         group.active = next((n for n, m in enumerate(group.items) if m.frame == self.frame), group.active)
-        return {"FINISHED"}
 
 
-class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_jump_to_unseen(Acts, bpy.types.Operator):  # noqa: N801
     """Go to the next frame in which the thing in focus is hidden.
 
     Its distance is estimated there; pick it again if it is off
     """
 
-    bl_idname = "virtual_aperture.jump_to_unseen"
     bl_label = "Next Frame With Hidden Focus"
     bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
 
@@ -163,11 +149,10 @@ class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
         ),
     )
 
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> None:
         scene = context.scene
         frames = unseen_frames(scene.virtual_aperture)
         go_to(scene, next_of(frames, clip_frame(scene)))
-        return {"FINISHED"}
 
 
 def unseen_frames(settings: bpy.types.PropertyGroup) -> list[int]:
@@ -181,7 +166,6 @@ class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  
     Your edits to them are lost
     """
 
-    bl_idname = "virtual_aperture.write_focus_marks"
     bl_label = "Restore Focus Mark Keys"
 
     poll = polls(
@@ -201,12 +185,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the list, its operators, and the settings of the active mark."""
     settings = context.scene.virtual_aperture
     group = settings.marks
-    row = layout.row()
-    row.template_list(
-        "VIRTUAL_APERTURE_UL_focus_marks", "", group, "items", group, "active",
-        rows=max(2, min(len(group.items), 5)),
-    )  # fmt: skip
-    side = row.column(align=True)
+    side = list_row(layout, "focus_marks", group).column(align=True)
     side.operator("virtual_aperture.pick_focus", text="", icon="ADD").add = True
     side.operator(VIRTUAL_APERTURE_OT_remove_focus_mark.bl_idname, text="", icon="REMOVE")
     side.operator(VIRTUAL_APERTURE_OT_hold_focus.bl_idname, text="", icon="KEYFRAME")

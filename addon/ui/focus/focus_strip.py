@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import blf
 import bpy
 import numpy as np
 
@@ -143,7 +144,6 @@ def strip_of(context: bpy.types.Context) -> Strip | None:
 class VIRTUAL_APERTURE_OT_drag_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
     """Click to go to this focus mark, drag to move it to another frame"""
 
-    bl_idname = "virtual_aperture.drag_focus_mark"
     bl_label = "Drag Focus Mark"
     # Not REGISTER: the panel of a redo would cover the strip.
     bl_options = {"UNDO"}  # noqa: RUF012
@@ -302,8 +302,6 @@ def _draw_mark(
 
 
 def _text(text: str, middle: float, bottom: float, colour: tuple[float, ...], scale: float) -> None:
-    import blf
-
     blf.size(0, TEXT * scale)
     blf.color(0, *colour)
     blf.position(0, middle - blf.dimensions(0, text)[0] / 2, bottom, 0)

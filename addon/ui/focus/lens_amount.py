@@ -3,7 +3,7 @@
 import bpy
 
 from ...scene.lens import depth_of_field, lens, scale
-from ..base.operators import Result, has_focus, may_change, polls
+from ..base.operators import Edits, has_focus, may_change, polls
 from ..base.text import wrapped
 from . import lens_presets
 
@@ -16,12 +16,10 @@ KINDS = (
 )
 
 
-class VIRTUAL_APERTURE_OT_set_amount_by(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_set_amount_by(Edits, bpy.types.Operator):  # noqa: N801
     """Choose the number that stays when focus, frame and solve change. The picture stays"""
 
-    bl_idname = "virtual_aperture.set_amount_by"
     bl_label = "Set Blur By"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     kind: bpy.props.EnumProperty(name="Kind", items=KINDS)
 
@@ -31,13 +29,12 @@ class VIRTUAL_APERTURE_OT_set_amount_by(bpy.types.Operator):  # noqa: N801
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return next(text for kind, _, text in KINDS if kind == properties.kind)
 
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         if self.kind == "BLUR":
             settings.blur = lens.blur_of_radius(settings)
         else:
             setattr(settings, FIELDS[self.kind], getattr(settings, FIELDS[self.kind]))
-        return {"FINISHED"}
 
 
 def stored_by(settings: bpy.types.PropertyGroup) -> str:

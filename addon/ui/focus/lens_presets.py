@@ -15,7 +15,7 @@ from ...core.base.errors import UserError
 from ...core.frame.options import APERTURE_OPTIONS
 from ...scene.base.paths import absolute
 from ...scene.lens import depth_of_field
-from ..base.operators import Result, may_change, polls, reported
+from ..base.operators import Acts, Named, may_change, polls
 from . import bokeh
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,10 +26,9 @@ THUMBNAIL = 1.6
 """Rows that a preset is high. Chosen by inspection."""
 
 
-class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_use_lens_preset(Acts, bpy.types.Operator):  # noqa: N801
     """Set the aperture shape and highlights to this preset, and the f-stop if one is set"""
 
-    bl_idname = "virtual_aperture.use_lens_preset"
     bl_label = "Use Lens Preset"
     # Blender's own operator for presets cannot be undone.
     bl_options = {"UNDO"}  # noqa: RUF012
@@ -38,8 +37,7 @@ class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
 
     poll = polls(may_change)
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         if not self.filepath:
             raise UserError("no preset has been chosen")
         name = bpy.path.display_name(self.filepath, title_case=False)
@@ -49,14 +47,12 @@ class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
         except Exception as error:
             # A user may have written it.
             raise UserError(f"the preset {name} cannot be used: {error}") from error
-        self.report({"INFO"}, f"Lens preset: {name}")
-        return {"FINISHED"}
+        return f"Lens preset: {name}"
 
 
-class VIRTUAL_APERTURE_OT_add_lens_preset(AddPresetBase, bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_add_lens_preset(Named, AddPresetBase, bpy.types.Operator):  # noqa: N801
     """Save the aperture shape, highlights and f-stop as a preset, or remove a saved one"""
 
-    bl_idname = "virtual_aperture.add_lens_preset"
     bl_label = "Add Lens Preset"
     preset_menu = "VIRTUAL_APERTURE_PT_lens_presets"
     preset_subdir = "virtual_aperture/lens"

@@ -19,11 +19,12 @@ from ...scene.base.timeline import clip_frame
 from ...scene.lens.repairs import repairs_of
 from ...scene.sources import subjects
 from ...scene.sources.shot import Shot, shot_of
-from ..base.background_work import WorksMeanwhile
-from ..base.operators import Result, has_solve, may_change, polls, requires
+from ..base.operators import Acts, has_solve, may_change, polls, requires
+from ..base.text import list_row
+from ..base.work import WorksMeanwhile
 from ..jobs.report_list import VIRTUAL_APERTURE_OT_jump_to_frame, next_of
 from ..picking.pick_subject import VIRTUAL_APERTURE_OT_pick_subject
-from ..picking.pick_vertices import focus_on
+from ..picking.pick_vertices import ADD_MARK, focus_on
 
 
 class VIRTUAL_APERTURE_UL_subjects(bpy.types.UIList):  # noqa: N801
@@ -45,7 +46,7 @@ has_subject = requires(
 no_other = requires(lambda _: not WorksMeanwhile._under_way, "Another subject is being worked on")
 
 
-class OfActive:
+class OfActive(Acts):
     """An operator on the active subject."""
 
     bl_options = {"UNDO"}  # noqa: RUF012
@@ -72,16 +73,10 @@ class WorksOnActive(OfActive, WorksMeanwhile):
 class VIRTUAL_APERTURE_OT_focus_subject(WorksOnActive, bpy.types.Operator):  # noqa: N801
     """Focus on the whole active subject at the current frame, and follow it as it moves"""
 
-    bl_idname = "virtual_aperture.focus_subject"
     bl_label = "Focus on Subject"
     doing = "Finding the subject's distance in all frames"
 
-    add: bpy.props.BoolProperty(
-        name="Add Mark",
-        description="Add a second focus mark at the current frame instead of replacing the first, so that"
-        " focus is pulled to it",
-        options={"SKIP_SAVE"},
-    )
+    add: ADD_MARK
 
     def work_on(self, shot: Shot, repairs: Sequence[Repair]) -> Callable[[], Place]:
         return partial(subject_place, shot, self._name, self._frame, repairs)
@@ -93,7 +88,6 @@ class VIRTUAL_APERTURE_OT_focus_subject(WorksOnActive, bpy.types.Operator):  # n
 class VIRTUAL_APERTURE_OT_follow_nearest(WorksMeanwhile, bpy.types.Operator):  # noqa: N801
     """Focus on the nearest person in every frame, and go over smoothly where another one comes nearer"""
 
-    bl_idname = "virtual_aperture.follow_nearest"
     bl_label = "Follow Nearest Person"
     bl_options = {"UNDO"}  # noqa: RUF012
     doing = "Finding people in all frames"
@@ -112,7 +106,6 @@ class VIRTUAL_APERTURE_OT_follow_nearest(WorksMeanwhile, bpy.types.Operator):  #
 class VIRTUAL_APERTURE_OT_carry_subject(WorksOnActive, bpy.types.Operator):  # noqa: N801
     """Find the active subject in all frames now, and list the frames where another stroke would help"""
 
-    bl_idname = "virtual_aperture.carry_subject"
     bl_label = "Track Through Clip"
     doing = "Tracking the subject through the clip"
 
@@ -162,17 +155,15 @@ def unsure_frames(shot: Shot, name: str) -> list[int]:
 class VIRTUAL_APERTURE_OT_remove_subject(OfActive, bpy.types.Operator):  # noqa: N801
     """Remove the active subject and its strokes. Focus marks on it stay"""
 
-    bl_idname = "virtual_aperture.remove_subject"
     bl_label = "Remove Subject"
 
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         settings = context.scene.virtual_aperture
         subject = subjects.active(settings)
         assert subject is not None  # `poll` asks for it.
         name = subject.name
         subjects.remove(settings, settings.subjects.active)
-        self.report({"INFO"}, f"Removed the subject {name}")
-        return {"FINISHED"}
+        return f"Removed the subject {name}"
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -183,12 +174,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator(VIRTUAL_APERTURE_OT_follow_nearest.bl_idname, icon="COMMUNITY")
     if not len(group.items):
         return
-    row = layout.row()
-    row.template_list(
-        "VIRTUAL_APERTURE_UL_subjects", "", group, "items", group, "active",
-        rows=max(2, min(len(group.items), 5)),
-    )  # fmt: skip
-    side = row.column(align=True)
+    side = list_row(layout, "subjects", group).column(align=True)
     side.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, text="", icon="ADD").new = True
     side.operator(VIRTUAL_APERTURE_OT_remove_subject.bl_idname, text="", icon="REMOVE")
     layout.operator(VIRTUAL_APERTURE_OT_focus_subject.bl_idname, icon="CON_TRACKTO")

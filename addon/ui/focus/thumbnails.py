@@ -13,6 +13,7 @@ from ...core.base.errors import UserError
 from ...core.media.light import encode_srgb, to_linear
 from ...render.views.gpu_views import upload
 from ...scene.base import redraw
+from ...scene.base.events import watch
 from ...scene.sources.shot import shot_of
 
 SIDE = 64
@@ -56,8 +57,7 @@ def _cut(settings: bpy.types.PropertyGroup, mark: bpy.types.PropertyGroup) -> st
     if key in _previews:
         return key
     _wanted[key] = (settings.id_data.name, place.frame, *place.xy)
-    if not bpy.app.timers.is_registered(_cut_out):
-        bpy.app.timers.register(_cut_out, first_interval=SOON)
+    watch(_cut_out, SOON)
     return ""
 
 
@@ -80,7 +80,7 @@ def _cut_out() -> float | None:
 
 def _part(scene: bpy.types.Scene, frame: int, x: float, y: float) -> NDArray[np.float32]:
     """(SIDE, SIDE, 4) display values, opaque, top row first; UserError where the frame cannot be read."""
-    picture: Any = shot_of(scene).read(frame)
+    picture: Any = shot_of(scene).clip.read(frame)
     height, width = picture.shape[:2]
     side = max(min(round(PART * width), height), 1)
     left, top = (
@@ -106,8 +106,6 @@ def unregister() -> None:
     global _previews
     for held in (_wanted, _pictures, _textures):
         held.clear()
-    if bpy.app.timers.is_registered(_cut_out):
-        bpy.app.timers.unregister(_cut_out)
     if _previews is not None:
         bpy.utils.previews.remove(_previews)
         _previews = None

@@ -7,7 +7,8 @@ import bpy
 from ...core.base.errors import UserError
 from ...core.media.picture_file import PICTURES
 from ...core.media.sequence import pattern_of
-from ..base.operators import Result, may_change, polls, reported
+from ...scene.base.paths import relative
+from ..base.operators import Edits, Result, may_change, polls
 
 
 class ShowsClips:
@@ -24,12 +25,10 @@ class ShowsClips:
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
 
-class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, Edits, bpy.types.Operator):  # noqa: N801
     """Choose a video, any image of a sequence, or a folder of images"""
 
-    bl_idname = "virtual_aperture.choose_clip"
     bl_label = "Choose Clip"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     poll = polls(may_change)
 
@@ -44,13 +43,8 @@ class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, bpy.types.Operator):  # noqa: 
         column.label(text="A video, any image of a sequence,")
         column.label(text="or open a folder of images.")
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
-        clip = str(clip_of(Path(bpy.path.abspath(self.filepath))))
-        if bpy.data.filepath:
-            clip = relative(clip)
-        context.scene.virtual_aperture.footage = clip
-        return {"FINISHED"}
+    def act(self, context: bpy.types.Context) -> None:
+        context.scene.virtual_aperture.footage = relative(clip_of(Path(bpy.path.abspath(self.filepath))))
 
 
 def clip_of(chosen: Path) -> Path:
@@ -70,11 +64,3 @@ def clip_of(chosen: Path) -> Path:
             " sequence"
         )
     return pattern
-
-
-def relative(path: str) -> str:
-    """Return a path relative to the saved .blend; unchanged on another drive."""
-    try:
-        return str(bpy.path.relpath(path))
-    except ValueError:
-        return path

@@ -31,13 +31,8 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
     If it has been solved before, that solve is loaded
     """
 
-    bl_idname = "virtual_aperture.import_clip"
     # Blender shows it where other handlers take the file, too.
     bl_label = "Solve with Virtual Aperture"
-
-    sure: bpy.props.BoolProperty(
-        name="Do Not Ask", description="The user has confirmed", options={"SKIP_SAVE", "HIDDEN"}
-    )
 
     _invoked = False
     _is_answer = False
@@ -75,9 +70,7 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
             return self.solve_now(context)
         # The file browser and the question end here; the work is for the modal operator.
         try:
-            bpy.ops.virtual_aperture.import_clip(
-                "INVOKE_DEFAULT", filepath=self.filepath, sure=self._is_answer
-            )
+            self.once_more(sure=self._is_answer)
         except RuntimeError as error:
             raise operators.refused(error) from None
         return {"CANCELLED"}
@@ -105,7 +98,6 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
 class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  # noqa: N801
     """Import the clip's cameras, and points if there are any, from another program or a phone"""
 
-    bl_idname = "virtual_aperture.drop_model"
     bl_label = "Import to Virtual Aperture"
     bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
 
@@ -129,9 +121,6 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
 
     def read(self, footage: Footage) -> Imported:
         return import_solve.read_model(self.filepath, footage)
-
-    def ask(self) -> None:
-        bpy.ops.virtual_aperture.drop_model("INVOKE_DEFAULT", filepath=self.filepath, again=True)
 
 
 def loses_focus(settings: bpy.types.PropertyGroup, clip: Path) -> bool:

@@ -13,12 +13,13 @@ from ...core.sfm.workspace import SolveThereError, check_import, keep_import
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.movieclip import read_movie_clip
 from ...scene.sources.scene_camera import cameras_of, read_scene_camera
-from ..base.operators import Result, asked, has_clip, is_idle, may_change, polls, refused, reported, requires
+from ..base import operators
+from ..base.operators import Result, has_clip, is_idle, may_change, polls, reported, requires
 from ..jobs import depth_ahead
 from .solve import Solves, build_scene, focus_on_person, report_hidden, solved_words
 
 
-class Import:
+class Import(operators.Named):
     """Read a model, keep it in the working folder, and bring it into the scene.
 
     An existing solve is only replaced after a question.
@@ -36,10 +37,6 @@ class Import:
 
     def read(self, footage: Footage) -> Imported:
         """Return the import; UserError if it fails."""
-        raise NotImplementedError
-
-    def ask(self) -> None:
-        """Call this operator once more, with `again`."""
         raise NotImplementedError
 
     def clip_of(self, settings: Any) -> Path:
@@ -63,7 +60,7 @@ class Import:
         except SolveThereError:
             if not self._asks:
                 raise
-            self.ask()
+            self.once_more(again=True)
             return {"CANCELLED"}
         depth_ahead.stop()
         solve, refocus = build_scene(context.scene, footage, folder)
@@ -82,7 +79,9 @@ class Import:
             return result
         settings = context.scene.virtual_aperture
         message = f"{work_dir(settings, footage_path(settings))} already holds a solve of this clip"
-        return asked(self, context, event, title="Replace Solve", message=message, confirm_text="Replace")
+        return operators.asked(
+            self, context, event, title="Replace Solve", message=message, confirm_text="Replace"
+        )
 
     def begin(self, context: bpy.types.Context) -> Result:
         """Import, or first let the user choose a file or camera."""
@@ -96,7 +95,7 @@ def find_points(found: Imported, clip: Path) -> Result:
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
         result: Result = bpy.ops.virtual_aperture.find_points(how)
     except RuntimeError as error:
-        raise refused(error) from None
+        raise operators.refused(error) from None
     # That it runs on is its own affair.
     return {"FINISHED"} if "FINISHED" in result else {"CANCELLED"}
 
@@ -104,7 +103,6 @@ def find_points(found: Imported, clip: Path) -> Result:
 class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
     """Track the clip's features and place them in 3D from its known cameras"""
 
-    bl_idname = "virtual_aperture.find_points"
     bl_label = "Find Points"
     bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
 
@@ -131,7 +129,6 @@ class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
 class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N801
     """Import the clip's cameras, and points if there are any, from another program or a phone"""
 
-    bl_idname = "virtual_aperture.import_solve"
     bl_label = "Import Solve"
 
     filepath: bpy.props.StringProperty(
@@ -173,9 +170,6 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
         if depth is not None:
             self.report({"INFO"}, f"The phone's LiDAR depth is in {depth}; choose it as Depth Maps")
         return read_model(self.filepath, footage)
-
-    def ask(self) -> None:
-        bpy.ops.virtual_aperture.import_solve("INVOKE_DEFAULT", filepath=self.filepath, again=True)
 
 
 def recorded(filepath: str) -> Path | None:
@@ -222,7 +216,6 @@ def _clip_items(_operator: Any, _context: bpy.types.Context | None) -> list[tupl
 class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa: N801
     """Import the camera and tracks of a movie clip solved in the Movie Clip Editor"""
 
-    bl_idname = "virtual_aperture.import_movie_clip"
     bl_label = "Import Movie Clip"
 
     clip: bpy.props.EnumProperty(
@@ -240,9 +233,6 @@ class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa
     def read(self, footage: Footage) -> Imported:
         return read_movie_clip(bpy.data.movieclips[self.clip], footage)
 
-    def ask(self) -> None:
-        bpy.ops.virtual_aperture.import_movie_clip("INVOKE_DEFAULT", clip=self.clip, again=True)
-
 
 class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa: N801
     """Use an animated camera of this scene as the clip's camera.
@@ -250,7 +240,6 @@ class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa:
     Its motion and lens are kept, and points are found for it
     """
 
-    bl_idname = "virtual_aperture.use_scene_camera"
     bl_label = "Use Scene Camera"
 
     camera: bpy.props.StringProperty(
@@ -284,8 +273,3 @@ class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa:
         if self.camera not in found:
             raise UserError(f"the scene has no camera {self.camera!r}; choose one of {', '.join(found)}")
         return read_scene_camera(scene, found[self.camera], footage, self.offset)
-
-    def ask(self) -> None:
-        bpy.ops.virtual_aperture.use_scene_camera(
-            "INVOKE_DEFAULT", camera=self.camera, offset=self.offset, again=True
-        )

@@ -6,7 +6,7 @@ from ...core.base.errors import UserError
 from ...scene.base.timeline import go_to
 from ...scene.solve.store import is_ordered
 from ...scene.sources.shot import shot_of
-from ..base.operators import Result, has_solve, polls, reported, requires
+from ..base.operators import Edits, Result, has_solve, polls, requires
 
 _items: list[tuple[str, str, str]] = []
 """Blender keeps no reference to the strings of a list that is made when it is asked for."""
@@ -29,12 +29,10 @@ def _photos(_operator: bpy.types.Operator, context: bpy.types.Context | None) ->
     return _items
 
 
-class VIRTUAL_APERTURE_OT_show_photo(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_show_photo(Edits, bpy.types.Operator):  # noqa: N801
     """Choose which photo is shown, and rendered by Render Image"""
 
-    bl_idname = "virtual_aperture.show_photo"
     bl_label = "Show Photo"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
     bl_property = "photo"
 
     photo: bpy.props.EnumProperty(name="Photo", description="File name of the photo", items=_photos)
@@ -48,7 +46,5 @@ class VIRTUAL_APERTURE_OT_show_photo(bpy.types.Operator):  # noqa: N801
         context.window_manager.invoke_search_popup(self)
         return {"RUNNING_MODAL"}
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> None:
         go_to(context.scene, int(self.photo))
-        return {"FINISHED"}

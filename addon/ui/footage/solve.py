@@ -26,7 +26,7 @@ from ...scene.focus.refocus import keep_focus, restore_focus
 from ...scene.lens import aperture_cloud
 from ...scene.lens.lens import focal_of
 from ...scene.sources.clip import footage_path, work_dir
-from ..base.operators import LOOK, Result, asked, has_clip, is_idle, may_change, polls, reported
+from ..base.operators import LOOK, Named, Result, asked, has_clip, is_idle, may_change, polls, reported
 from ..base.solving import Solving
 from ..jobs import depth_ahead, first_person
 from . import after_solve
@@ -106,13 +106,17 @@ def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
         operator.report({"INFO"}, after_solve.hidden_words(things))
 
 
-class Solves:
+class Solves(Named):
     """Solve a clip, with ESC to cancel, and bring it into the scene as one undo step.
 
     Until then the scene is not touched.
     """
 
     bl_options = {"UNDO"}  # noqa: RUF012
+
+    sure: bpy.props.BoolProperty(
+        name="Do Not Ask", description="The user has confirmed", options={"SKIP_SAVE", "HIDDEN"}
+    )
 
     again = False
     _process: Solving | None = None
@@ -250,7 +254,6 @@ class Solves:
 class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
     """Find the clip's camera motion and feature points, and add them to the scene"""
 
-    bl_idname = "virtual_aperture.solve"
     bl_label = "Solve Clip"
     # Not REGISTER: its redo panel would solve once more, with the interface frozen.
 
@@ -258,9 +261,6 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
         name="Solve Again",
         description="Solve even if the working folder already holds a solve",
         options={"SKIP_SAVE"},
-    )
-    sure: bpy.props.BoolProperty(
-        name="Do Not Ask", description="The user has confirmed", options={"SKIP_SAVE", "HIDDEN"}
     )
 
     _asks = False
@@ -274,7 +274,7 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
     def execute(self, context: bpy.types.Context) -> Result:
         if self._asks:
             # The answer to the question comes here; the work is for the modal operator.
-            bpy.ops.virtual_aperture.solve("INVOKE_DEFAULT", again=True, sure=True)
+            self.once_more(sure=True)
             return {"CANCELLED"}
         return self.solve_now(context)
 

@@ -1,10 +1,8 @@
 """Depth found in the background once a clip is solved: renders and other focuses then need not find it."""
 
-import contextlib
 from pathlib import Path
 
 import bpy
-from bpy.app.handlers import persistent
 
 from ...core.base.errors import UserError
 from ...core.base.job import Job
@@ -13,12 +11,13 @@ from ...core.sfm.state import STATE
 from ...render.processes.blend_file import write_blend
 from ...render.processes.launcher import start
 from ...scene.base import redraw
+from ...scene.base.events import at, watch
 from ...scene.base.remedy_words import WORDS
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.colour_space import REC_709, working_space
 from ...scene.sources.shot import reconstruction_of
 from ...scene.sources.subjects import marked_of
-from ..base.operators import has_solve, is_met, polls, reported, requires
+from ..base.operators import Acts, has_solve, is_met, polls, requires
 from ..base.text import progress_row
 
 LOOK = 0.5
@@ -55,8 +54,7 @@ def begin(work: Path) -> None:
     start(made, file, ["depth", _opened(work)])
     _ahead = made
     _remember(work, True)
-    if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=LOOK)
+    watch(_tick, LOOK)
 
 
 def _opened(work: Path) -> Path:
@@ -93,7 +91,8 @@ def _stays() -> bool:
     return settings.points is not None and not settings.depth_maps and reconstruction_of(settings).stays
 
 
-def stop() -> None:
+@at("load_pre")
+def stop(*_: object) -> None:
     """End the present work without waiting; finished frames are kept."""
     global _ahead
     if _ahead is not None:
@@ -149,12 +148,7 @@ def _tick() -> float | None:
     return None
 
 
-@persistent
-def _on_leave(*_: object) -> None:
-    stop()
-
-
-@persistent
+@at("load_post")
 def _on_open(*_: object) -> None:
     settings = bpy.context.scene.virtual_aperture
     if not (settings.finds_depth and settings.footage and settings.points is not None):
@@ -164,10 +158,9 @@ def _on_open(*_: object) -> None:
         begin_after_solve(folder)
 
 
-class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_find_depth(Acts, bpy.types.Operator):  # noqa: N801
     """Find and keep the depth of all frames in the background, so that renders start faster"""
 
-    bl_idname = "virtual_aperture.find_depth"
     bl_label = "Find Depth"
 
     @classmethod
@@ -176,26 +169,22 @@ class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
         is_free = found is None or not found.is_running
         return has_solve(cls, context) and is_met(cls, is_free, "Depth is being found")
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         folder = _folder(context.scene.virtual_aperture)
         if not (folder / STATE).exists():
             raise UserError(f"{folder} holds no solve to keep depth with; solve the clip")
         begin(folder)
-        return {"FINISHED"}
 
 
-class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_pause_depth(Acts, bpy.types.Operator):  # noqa: N801
     """Stop finding depth. Found depth is kept, and Find Depth continues from there"""
 
-    bl_idname = "virtual_aperture.pause_depth"
     bl_label = "Pause"
 
     poll = polls(requires(lambda _: _ahead is not None and _ahead.is_running, "Depth is not being found"))
 
-    def execute(self, _context: bpy.types.Context) -> set[str]:
+    def act(self, _context: bpy.types.Context) -> None:
         pause()
-        return {"FINISHED"}
 
 
 def draw_progress(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> bool:
@@ -219,18 +208,3 @@ def draw(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
         layout.label(text="Depth is found", icon="CHECKMARK")
     else:
         layout.operator(VIRTUAL_APERTURE_OT_find_depth.bl_idname, icon="PLAY")
-
-
-def register() -> None:
-    """End the work when another file is opened, and go on with that file's."""
-    bpy.app.handlers.load_pre.append(_on_leave)
-    bpy.app.handlers.load_post.append(_on_open)
-
-
-def unregister() -> None:
-    """Undo `register`, and end the work."""
-    stop()
-    with contextlib.suppress(ValueError):
-        bpy.app.timers.unregister(_tick)
-    bpy.app.handlers.load_pre.remove(_on_leave)
-    bpy.app.handlers.load_post.remove(_on_open)

@@ -1,8 +1,11 @@
 """Export: files for other programs, made by another process from a copy of the file."""
 
+from __future__ import annotations
+
 import contextlib
 import time
 from pathlib import Path
+from typing import ClassVar
 
 import bpy
 
@@ -12,13 +15,14 @@ from ...render.output import export as exports
 from ...render.processes.blend_file import write_blend
 from ...render.processes.launcher import start
 from ...scene.base import redraw
+from ...scene.base.events import watch
 from ...scene.base.paths import absolute
 from ...scene.base.remedy_words import WORDS
 from ...scene.lens.lens import frame_options
 from ...scene.sources.clip import footage_path, solved_clip_path, work_dir
 from ...scene.sources.shot import reconstruction_of, shot_of
-from ..base.operators import Result, has_focus, has_solve, polls, reported, requires, sentence
-from ..base.text import progress_row, wrapped
+from ..base.operators import Acts, Result, has_focus, has_solve, polls, requires, sentence
+from ..base.text import wrapped
 from . import depth_ahead, movie
 
 LOOK = 0.5
@@ -30,6 +34,7 @@ FOLDER = "export"
 class ExportJob(movie.MovieJob):
     """The process that writes the files of an export into the folder `out`."""
 
+    last: ClassVar[ExportJob | None] = None  # type: ignore[misc]
     depth: Path | None = None
     """The working folder whose depth was being found before."""
 
@@ -50,22 +55,12 @@ class ExportJob(movie.MovieJob):
             self.out.rmdir()  # where it holds nothing
 
 
-_export: ExportJob | None = None
-"""The last one of this Blender: there are not two at once."""
-
-
-def under_way() -> ExportJob | None:
-    """Return the export that is being written."""
-    return _export if _export is not None and _export.is_running else None
-
-
 def begin(scene: bpy.types.Scene, what: str, folder: Path, overwrite: bool) -> ExportJob:
     """Export the frames of the scene's range in another process.
 
     Raises:
         UserError: It cannot be started, or would replace files unasked.
     """
-    global _export
     frames = [each for each in shot_of(scene).footage.frames if scene.frame_start <= each <= scene.frame_end]
     if not frames:
         raise UserError("the scene's range holds none of the clip's frames; set Frame Start and End to some")
@@ -77,46 +72,46 @@ def begin(scene: bpy.types.Scene, what: str, folder: Path, overwrite: bool) -> E
     made = ExportJob(folder)
     start(made, blend.with_suffix(".json"), words, scene.name)
     made.depth = depth_ahead.give_way()
-    _export = made
+    ExportJob.last = made
     return made
 
 
 def _tick() -> float | None:
     """A timer's turn: panels show how far it is; None when it has ended."""
-    if _export is None:
+    made = ExportJob.last
+    if made is None:
         return None
-    if _export.poll() or not _export.is_running:
+    if made.poll() or not made.is_running:
         redraw.panels()
-    if _export.is_running:
+    if made.is_running:
         return LOOK
     settings = bpy.context.scene.virtual_aperture
     # Another file may have been opened since.
-    if settings.footage and work_dir(settings, footage_path(settings)) == _export.depth:
-        depth_ahead.begin_after_solve(_export.depth)
+    if settings.footage and work_dir(settings, footage_path(settings)) == made.depth:
+        depth_ahead.begin_after_solve(made.depth)
     return None
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the button, or the progress with a button to cancel; and the result of the last export."""
-    if _export is not None and _export.is_running:
-        stop = VIRTUAL_APERTURE_OT_cancel_export.bl_idname
-        progress_row(layout, _export.words, _export.share, _export.left, stop)
+    made = ExportJob.last
+    if made is not None and made.is_running:
+        made.draw(layout, VIRTUAL_APERTURE_OT_cancel_export.bl_idname)
         return
     layout.operator(VIRTUAL_APERTURE_OT_export.bl_idname, icon="EXPORT")
-    if _export is None:
+    if made is None:
         return
-    if _export.failure is not None:
-        wrapped(layout, context, sentence(_export.failure.error.worded(WORDS)), icon="ERROR")
-    elif _export.out.is_dir():
+    if made.failure is not None:
+        wrapped(layout, context, sentence(made.failure.error.worded(WORDS)), icon="ERROR")
+    elif made.out.is_dir():
         row = layout.row(align=True)
-        row.label(text=f"Exported to {_export.out.name}", icon="CHECKMARK")
-        row.operator("wm.path_open", text="", icon="FILE_FOLDER").filepath = str(_export.out)
+        row.label(text=f"Exported to {made.out.name}", icon="CHECKMARK")
+        row.operator("wm.path_open", text="", icon="FILE_FOLDER").filepath = str(made.out)
 
 
-class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_export(Acts, bpy.types.Operator):  # noqa: N801
     """Write files for other programs: frames of the scene's range in two layers, or STMaps of the lens"""
 
-    bl_idname = "virtual_aperture.export"
     bl_label = "Export..."
 
     directory: bpy.props.StringProperty(name="Folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
@@ -128,7 +123,7 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
         name="Overwrite", description="Replace files that exist", options={"SKIP_SAVE"}
     )
 
-    poll = polls(requires(lambda _: under_way() is None, "Files are being exported"), has_solve)
+    poll = polls(requires(lambda _: ExportJob.under_way() is None, "Files are being exported"), has_solve)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         if context.scene.virtual_aperture.footage:
@@ -136,8 +131,7 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str | None:
         scene, settings = context.scene, context.scene.virtual_aperture
         if not self.directory:
             raise UserError("no folder has been chosen; choose one for the files")
@@ -149,35 +143,19 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
         made = begin(scene, self.what, absolute(self.directory), self.overwrite)
         if not bpy.app.background:
             # It goes on where another file is opened.
-            bpy.app.timers.register(_tick, first_interval=LOOK, persistent=True)
-            return {"FINISHED"}
+            watch(_tick, LOOK, stays=True)
+            return None
         while _tick() is not None:
             time.sleep(LOOK)
         if made.failure is not None:
             raise made.failure.error
-        self.report({"INFO"}, f"Exported to {made.out}")
-        return {"FINISHED"}
+        return f"Exported to {made.out}"
 
 
-class VIRTUAL_APERTURE_OT_cancel_export(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_cancel_export(movie.Cancels, bpy.types.Operator):  # noqa: N801
     """End the export. Files that are complete are kept"""
 
-    bl_idname = "virtual_aperture.cancel_export"
     bl_label = "Cancel Export"
+    job, said = ExportJob, "The export was cancelled; complete files are kept"
 
-    poll = polls(requires(lambda _: under_way(), "Nothing is being exported"))
-
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        unregister()
-        self.report({"WARNING"}, "The export was cancelled; complete files are kept")
-        return {"FINISHED"}
-
-
-def unregister() -> None:
-    """End the export that is under way."""
-    global _export
-    if _export is not None:
-        _export.leave(_export.clear)
-    _export = None
-    with contextlib.suppress(ValueError):
-        bpy.app.timers.unregister(_tick)
+    poll = polls(requires(lambda _: ExportJob.under_way(), "Nothing is being exported"))

@@ -1,17 +1,16 @@
 """The nearest subject in focus after a solve, found in the background while nobody has picked a focus."""
 
-import contextlib
 from dataclasses import dataclass
 from functools import partial
 
 import bpy
-from bpy.app.handlers import persistent
 
 from ...core.base.errors import UserError
 from ...core.focus.place import Place
 from ...core.frame.first_person import nearest_subject, scale_by_people
 from ...render.processes.clip_process import ClipProcess
 from ...scene.base import redraw
+from ...scene.base.events import at, watch
 from ...scene.focus import focus_marks
 from ...scene.lens import aperture_cloud, depth_of_field
 from ...scene.sources.shot import IDENTITY, Shot, points_mesh, shot_of
@@ -64,8 +63,7 @@ def focus(scene: bpy.types.Scene) -> None:
     # In another process than the preview, which goes on.
     own = ClipProcess(yields=True)
     _search = Search(Work(partial(_found, shot_of(scene)), own), own, scene.name, _identity(settings))
-    if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=LOOK)
+    watch(_tick, LOOK)
 
 
 def in_focus(settings: bpy.types.PropertyGroup) -> str:
@@ -78,7 +76,8 @@ def words() -> str:
     return "" if _search is None else f"Looking for subjects {_search.work.stage}"
 
 
-def stop() -> None:
+@at("load_pre")
+def stop(*_: object) -> None:
     """End the search that is under way."""
     global _search
     if _search is not None:
@@ -138,21 +137,3 @@ def _tick() -> float | None:
         with bpy.context.temp_override(window=window):
             bpy.ops.ed.undo_push(message="Focus on Nearest Person")
     return None
-
-
-@persistent
-def _on_leave(*_: object) -> None:
-    stop()
-
-
-def register() -> None:
-    """End the search when another file is opened."""
-    bpy.app.handlers.load_pre.append(_on_leave)
-
-
-def unregister() -> None:
-    """Undo `register`, and end the search."""
-    stop()
-    with contextlib.suppress(ValueError):
-        bpy.app.timers.unregister(_tick)
-    bpy.app.handlers.load_pre.remove(_on_leave)

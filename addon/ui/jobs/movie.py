@@ -3,9 +3,12 @@
 The user can continue to work, and output settings of the scene are not touched.
 """
 
+from __future__ import annotations
+
 import contextlib
 import os
 from pathlib import Path
+from typing import Any, ClassVar
 
 import bpy
 
@@ -20,7 +23,7 @@ from ...render.processes.launcher import start
 from ...scene.base.paths import absolute
 from ...scene.base.timeline import clip_frame
 from ...scene.sources.clip import footage_path
-from ..base.operators import polls, requires
+from ..base.operators import Named, Result, polls, requires
 from ..base.text import progress_row
 
 ENDING = "_render"
@@ -29,6 +32,9 @@ ENDING = "_render"
 
 class MovieJob(Job):
     """The process that renders a movie."""
+
+    last: ClassVar[MovieJob | None] = None
+    """The last one of this Blender: there are not two at once, as each takes as many processes as fit."""
 
     def __init__(self, out: Path) -> None:
         super().__init__()
@@ -54,9 +60,21 @@ class MovieJob(Job):
         with contextlib.suppress(OSError):
             self.out.parent.rmdir()  # where it holds nothing
 
+    @classmethod
+    def under_way(cls) -> MovieJob | None:
+        """Return the one that runs."""
+        return cls.last if cls.last is not None and cls.last.is_running else None
 
-_movie: MovieJob | None = None
-"""The last one of this Blender: it takes as many processes as fit, so there are not two."""
+    @classmethod
+    def stop(cls) -> None:
+        """End the one that runs, and forget the last one."""
+        if cls.last is not None:
+            cls.last.leave(cls.last.clear)
+        cls.last = None
+
+    def draw(self, layout: bpy.types.UILayout, cancel: str) -> None:
+        """Draw the progress, with the operator that cancels it."""
+        progress_row(layout, self.words, self.share, self.left, cancel)
 
 
 def movie_path(scene: bpy.types.Scene) -> Path:
@@ -91,7 +109,6 @@ def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieJob:
     Raises:
         UserError: It cannot be started, or would replace a file unasked.
     """
-    global _movie
     check_output(out, overwrite)
     first, last = (clip_frame(scene, at) for at in (scene.frame_start, scene.frame_end))
     check_rate(out, scene, range(first, last + 1))
@@ -100,50 +117,42 @@ def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieJob:
     write_blend(blend)
     words = ["render", blend, "--out", out, "--frames", f"{first}-{last}", *["--overwrite"] * overwrite]
     start(made, blend.with_suffix(".json"), words, scene.name, as_is=True)
-    _movie = made
+    MovieJob.last = made
     return made
-
-
-def under_way() -> MovieJob | None:
-    """Return the movie that is being rendered."""
-    return _movie if _movie is not None and _movie.is_running else None
 
 
 def draw(layout: bpy.types.UILayout) -> None:
     """Draw the progress of a movie with a button to cancel it, or a finished movie with one to play."""
-    if _movie is None:
+    made, scene = MovieJob.last, bpy.context.scene
+    if made is None:
         return
-    if _movie.is_running:
-        stop = VIRTUAL_APERTURE_OT_cancel_movie.bl_idname
-        progress_row(layout, _movie.words, _movie.share, _movie.left, stop)
-    elif _is_of(bpy.context.scene, _movie) and _movie.out.exists():
+    if made.is_running:
+        made.draw(layout, VIRTUAL_APERTURE_OT_cancel_movie.bl_idname)
+        return
+    is_of_clip = bool(scene.virtual_aperture.footage) and made.out == movie_path(scene)
+    if made.failure is None and is_of_clip and made.out.exists():
         row = layout.row(align=True)
-        row.label(text=_movie.out.name, icon="CHECKMARK")
-        row.operator("wm.path_open", text="", icon="PLAY").filepath = str(_movie.out)
+        row.label(text=made.out.name, icon="CHECKMARK")
+        row.operator("wm.path_open", text="", icon="PLAY").filepath = str(made.out)
 
 
-def _is_of(scene: bpy.types.Scene, made: MovieJob) -> bool:
-    """Return whether a movie is one of the scene's clip."""
-    return made.failure is None and bool(scene.virtual_aperture.footage) and made.out == movie_path(scene)
+class Cancels(Named):
+    """An operator that cancels a job."""
 
+    job: type[MovieJob]
+    said: str
+    """A line for the user."""
 
-class VIRTUAL_APERTURE_OT_cancel_movie(bpy.types.Operator):  # noqa: N801
-    """End rendering the movie. Nothing of it is kept"""
-
-    bl_idname = "virtual_aperture.cancel_movie"
-    bl_label = "Cancel Movie"
-
-    poll = polls(requires(lambda _: under_way(), "No movie is being rendered"))
-
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        unregister()
-        self.report({"WARNING"}, "The movie was cancelled; nothing was written")
+    def execute(self: Any, _context: bpy.types.Context) -> Result:
+        self.job.stop()
+        self.report({"WARNING"}, self.said)
         return {"FINISHED"}
 
 
-def unregister() -> None:
-    """End the movie that is under way."""
-    global _movie
-    if _movie is not None:
-        _movie.leave(_movie.clear)
-    _movie = None
+class VIRTUAL_APERTURE_OT_cancel_movie(Cancels, bpy.types.Operator):  # noqa: N801
+    """End rendering the movie. Nothing of it is kept"""
+
+    bl_label = "Cancel Movie"
+    job, said = MovieJob, "The movie was cancelled; nothing was written"
+
+    poll = polls(requires(lambda _: MovieJob.under_way(), "No movie is being rendered"))

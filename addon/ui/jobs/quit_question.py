@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from ..base.operators import Result, asked, polls, requires
+from ..base.operators import Named, Result, asked, polls, requires
 from ..base.text import left_words
 from . import export, movie
 
@@ -20,13 +20,12 @@ _keys: list[tuple[Any, Any]] = []
 
 def work() -> movie.MovieJob | None:
     """Return the movie or the export that is being made, if any."""
-    return movie.under_way() or export.under_way()
+    return movie.MovieJob.under_way() or export.ExportJob.under_way()
 
 
-class VIRTUAL_APERTURE_OT_close_blender(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_close_blender(Named, bpy.types.Operator):  # noqa: N801
     """Close Blender, which ends the movie or the export that is being made"""
 
-    bl_idname = "virtual_aperture.close_blender"
     bl_label = "Close Blender"
     bl_options = {"INTERNAL"}  # noqa: RUF012
 

@@ -14,28 +14,17 @@ from ...scene.base import redraw
 from ...scene.lens.lens import frame_options
 from ...scene.sources.clip import solved_clip_path
 from ...scene.sources.shot import picture_size, reconstruction_of
-from ..base.operators import (
-    LOOK,
-    NO_CAMERA,
-    Result,
-    asked,
-    has_focus,
-    has_solve,
-    is_met,
-    may_change,
-    polls,
-    refused,
-    reported,
-    requires,
-)
+from ..base import operators
+from ..base.operators import Acts, Edits, Result, has_focus, has_solve, is_met, may_change, polls, requires
 from . import depth_ahead, movie
+from .movie import MovieJob
 
 
 def can_render(cls: Any, context: bpy.types.Context) -> bool:
     """Poll: something is in focus and the scene has a camera, without which Blender renders nothing."""
     scene = context.scene
     is_there = any(parts.is_in(scene, camera) for camera in (scene.camera, scene.virtual_aperture.camera))
-    return has_focus(cls, context) and is_met(cls, is_there, NO_CAMERA)
+    return has_focus(cls, context) and is_met(cls, is_there, operators.NO_CAMERA)
 
 
 def prepare_render(scene: bpy.types.Scene) -> None:
@@ -64,31 +53,26 @@ def output_problem(scene: bpy.types.Scene) -> str:
         return ""
 
 
-class VIRTUAL_APERTURE_OT_use_clip_size(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_use_clip_size(Edits, bpy.types.Operator):  # noqa: N801
     """Set the output resolution to the clip's. The percentage stays"""
 
-    bl_idname = "virtual_aperture.use_clip_size"
     bl_label = "Use Clip Size"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     poll = polls(may_change, has_solve)
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> None:
         render = context.scene.render
         render.resolution_x, render.resolution_y = picture_size(context.scene)
-        return {"FINISHED"}
 
 
-class _Render:
+class _Render(Acts):
     """Common code of the two render operators."""
 
     animation = False
 
     poll = polls(can_render)
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> None:
         prepare_render(context.scene)
         if self.animation:
             check_output_path(context.scene)
@@ -97,14 +81,12 @@ class _Render:
         try:
             bpy.ops.render.render(how, animation=self.animation, use_viewport=True)
         except RuntimeError as error:
-            raise refused(error) from None
-        return {"FINISHED"}
+            raise operators.refused(error) from None
 
 
 class VIRTUAL_APERTURE_OT_render_frame(_Render, bpy.types.Operator):  # noqa: N801
     """Render the current frame with depth of field"""
 
-    bl_idname = "virtual_aperture.render_frame"
     bl_label = "Render Frame"
 
 
@@ -112,7 +94,6 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
     """Render all frames of the scene's range with depth of field: as a movie with the clip's sound, or as
     frames to the scene's output"""
 
-    bl_idname = "virtual_aperture.render_clip"
     bl_label = "Render Clip"
     animation = True
 
@@ -121,11 +102,11 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
     )
 
     _asks = False
-    _movie: movie.MovieJob | None = None
+    _movie: MovieJob | None = None
     _timer: bpy.types.Timer | None = None
     _depth: Any = None
 
-    poll = polls(requires(lambda _: movie.under_way() is None, "A movie is being rendered"), can_render)
+    poll = polls(requires(lambda _: MovieJob.under_way() is None, "A movie is being rendered"), can_render)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if bpy.app.background or context.scene.virtual_aperture.render_as == "FRAMES":
@@ -134,19 +115,19 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
         if out.is_file() and not self.overwrite:
             self._asks = True
             title, message = f"Replace {out.name}?", str(out.parent)
-            return asked(self, context, event, title=title, message=message, confirm_text="Replace")
-        return reported(VIRTUAL_APERTURE_OT_render_clip._meanwhile)(self, context)
+            return operators.asked(self, context, event, title=title, message=message, confirm_text="Replace")
+        return operators.reported(VIRTUAL_APERTURE_OT_render_clip._meanwhile)(self, context)
 
     def execute(self, context: bpy.types.Context) -> Result:
         if context.scene.virtual_aperture.render_as == "FRAMES":
             return super().execute(context)
         if self._asks:
             # The answer to the question comes here; the work is for the modal operator.
-            bpy.ops.virtual_aperture.render_clip("INVOKE_DEFAULT", overwrite=True)
+            self.once_more(overwrite=True)
             return {"CANCELLED"}
-        return reported(VIRTUAL_APERTURE_OT_render_clip._now)(self, context)
+        return operators.reported(VIRTUAL_APERTURE_OT_render_clip._now)(self, context)
 
-    def _begin(self, scene: bpy.types.Scene) -> movie.MovieJob:
+    def _begin(self, scene: bpy.types.Scene) -> MovieJob:
         settings = scene.virtual_aperture
         frame_options(settings, reconstruction_of(settings))
         check_output_path(scene)
@@ -160,14 +141,14 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
         try:
             while made.is_running:
                 made.poll()
-                time.sleep(LOOK)
+                time.sleep(operators.LOOK)
         finally:
             made.leave(made.clear)
         return self._finish(context)
 
     def _meanwhile(self, context: bpy.types.Context) -> Result:
         self._begin(context.scene)
-        self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
+        self._timer = context.window_manager.event_timer_add(operators.LOOK, window=context.window)
         context.window_manager.modal_handler_add(self)
         redraw.panels()
         return {"RUNNING_MODAL"}
@@ -181,7 +162,7 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
             return {"PASS_THROUGH"}
         context.window_manager.event_timer_remove(self._timer)
         redraw.panels()
-        return reported(VIRTUAL_APERTURE_OT_render_clip._finish)(self, context)
+        return operators.reported(VIRTUAL_APERTURE_OT_render_clip._finish)(self, context)
 
     def cancel(self, _context: bpy.types.Context) -> None:
         """End the movie, but keep its finished frames: Blender closes, or loads another file."""

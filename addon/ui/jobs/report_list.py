@@ -7,17 +7,16 @@ import bpy
 from ...core.base.counting import ranges
 from ...render.views import frame_notes
 from ...scene.base.timeline import clip_frame, go_to
-from ..base.operators import Result
+from ..base.operators import Acts
 from ..base.text import wrapped
 
 LONGEST = 5
 """Things that the panel lists."""
 
 
-class VIRTUAL_APERTURE_OT_jump_to_frame(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_jump_to_frame(Acts, bpy.types.Operator):  # noqa: N801
     """Show this frame"""
 
-    bl_idname = "virtual_aperture.jump_to_frame"
     bl_label = "Jump to Frame"
     # As Blender's own jumps.
     bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
@@ -25,9 +24,8 @@ class VIRTUAL_APERTURE_OT_jump_to_frame(bpy.types.Operator):  # noqa: N801
 
     frame: bpy.props.IntProperty(name="Frame")
 
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> None:
         go_to(context.scene, self.frame)
-        return {"FINISHED"}
 
 
 def next_of(frames: Sequence[int], now: int) -> int:

@@ -67,15 +67,12 @@ _joined: list[type[bpy.types.Panel]] = []
 
 def panels() -> list[type[bpy.types.Panel]]:
     """Return Blender's panels that apply to our engine."""
-    return [panel for panel in bpy.types.Panel.__subclasses__() if _is_useful(panel)]
-
-
-def _is_useful(panel: type[bpy.types.Panel]) -> bool:
-    engines = getattr(panel, "COMPAT_ENGINES", ())
-    is_named = panel.__module__ in TABS or panel.__module__.startswith(PHYSICS)
-    if not is_named or panel.__name__.startswith(IGNORED):
-        return False
-    return COMMON in engines or panel.__name__ in MORE
+    return [
+        panel for panel in bpy.types.Panel.__subclasses__()
+        if (panel.__module__ in TABS or panel.__module__.startswith(PHYSICS))
+        and not panel.__name__.startswith(IGNORED)
+        and (COMMON in getattr(panel, "COMPAT_ENGINES", ()) or panel.__name__ in MORE)
+    ]  # fmt: skip
 
 
 def register() -> None:

@@ -3,7 +3,8 @@
 import bpy
 
 from ...scene.lens import blender_focus, depth_of_field, lens
-from ..focus import focus_list, repair_list, subjects
+from ..focus import focus_list, subjects
+from ..picking import paint_repair
 from .panel import ClosedPanel, split
 
 
@@ -21,20 +22,16 @@ class VIRTUAL_APERTURE_PT_focus(ClosedPanel, bpy.types.Panel):  # noqa: N801
             focus_list.draw(marks, context)
         column = layout.column()
         column.active = not by_points and not by_own
-        _draw_distance(column, settings)
+        if settings.metres_per_unit > 0:
+            # As a length, which focus marks animate.
+            column.use_property_decorate = False
+            column.prop(settings, "focus_length", text="Distance")
+        else:
+            column.prop(settings, "focus_distance", text="Distance")
         if sharp := depth_of_field.sharp_words(settings):
             layout.label(text=sharp, icon="CAMERA_DATA")
         if settings.camera is not None and settings.camera.type == "CAMERA":
             layout.prop(settings.camera.data.dof, "focus_object", text="Object")
-
-
-def _draw_distance(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """Draw the focus distance, as a length if the scale is given, which focus marks animate."""
-    if settings.metres_per_unit > 0:
-        layout.use_property_decorate = False
-        layout.prop(settings, "focus_length", text="Distance")
-    else:
-        layout.prop(settings, "focus_distance", text="Distance")
 
 
 class VIRTUAL_APERTURE_PT_zone(ClosedPanel, bpy.types.Panel):  # noqa: N801
@@ -57,7 +54,7 @@ class VIRTUAL_APERTURE_PT_repair(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
 
     def draw(self, context: bpy.types.Context) -> None:
-        repair_list.draw(split(self.layout), context)
+        paint_repair.draw(split(self.layout), context)
 
 
 class VIRTUAL_APERTURE_PT_subjects(ClosedPanel, bpy.types.Panel):  # noqa: N801

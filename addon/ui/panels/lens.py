@@ -38,21 +38,19 @@ class VIRTUAL_APERTURE_PT_lens(ClosedPanel, bpy.types.Panel):  # noqa: N801
 def draw_bokeh(
     layout: bpy.types.UILayout, context: bpy.types.Context, shape: bpy.types.PropertyGroup
 ) -> None:
-    """Draw a point of light out of focus with an aperture shape, or the reason why there is no picture."""
+    """Draw a point of light out of focus with an aperture shape, or the reason why there is no picture.
+
+    Where the shape takes light and the scale is known, its T-stop is drawn, too.
+    """
+    settings = context.scene.virtual_aperture
     try:
         if picture := bokeh.icon(shape.aperture):
             layout.template_icon(icon_value=picture, scale=BOKEH)
-        _draw_t_stop(layout, context)
+        f_stop, t_stop = depth_of_field.f_stop(settings), depth_of_field.t_stop(settings)
+        if scale.known_scale(settings) > 0 and t_stop > LESS_LIGHT * f_stop:
+            wrapped(layout, context, f"f/{f_stop:.1f}, T{t_stop:.1f} without losses in glass")
     except UserError as error:
         wrapped(layout, context, sentence(str(error)), icon="ERROR", alert=True)
-
-
-def _draw_t_stop(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the T-stop of a shape that takes light, once the scale is known."""
-    settings = context.scene.virtual_aperture
-    f_stop, t_stop = depth_of_field.f_stop(settings), depth_of_field.t_stop(settings)
-    if scale.known_scale(settings) > 0 and t_stop > LESS_LIGHT * f_stop:
-        wrapped(layout, context, f"f/{f_stop:.1f}, T{t_stop:.1f} without losses in glass")
 
 
 class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801

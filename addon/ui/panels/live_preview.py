@@ -7,13 +7,12 @@ import bpy
 from ...render.engine import VirtualApertureEngine
 from ...render.viewport.viewport import PREVIEW
 from ...scene import parts
-from ..base.operators import NO_CAMERA, Result, has_solve, is_met
+from ..base.operators import NO_CAMERA, Acts, has_solve, is_met
 
 
-class VIRTUAL_APERTURE_OT_preview(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_preview(Acts, bpy.types.Operator):  # noqa: N801
     """Show the frame with depth of field in this viewport, updated as you change settings"""
 
-    bl_idname = "virtual_aperture.preview"
     bl_label = "Preview"
     # Not UNDO: it changes the viewport, and nothing of the scene but the engine, which solving has set.
 
@@ -27,18 +26,17 @@ class VIRTUAL_APERTURE_OT_preview(bpy.types.Operator):  # noqa: N801
         has_view = viewport_of(context) is not None
         return has_camera and is_met(cls, has_view, "There is no 3D viewport in this window")
 
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> None:
         space = viewport_of(context)
         if is_shown(context):
             space.shading.type = "SOLID"
-            return {"FINISHED"}
+            return
         # Pictures that failed before are tried again.
         PREVIEW.retry()
         context.scene.render.engine = VirtualApertureEngine.bl_idname
         context.scene.camera = context.scene.virtual_aperture.camera
         space.region_3d.view_perspective = "CAMERA"
         space.shading.type = "RENDERED"
-        return {"FINISHED"}
 
 
 def viewport_of(context: bpy.types.Context) -> Any:

@@ -9,7 +9,6 @@ from ...scene.base import version
 from ...scene.base.timeline import clip_frame
 from ...scene.lens import blender_focus, depth_of_field, lens
 from ..base import solving
-from ..base.solving import Solving
 from ..base.text import is_narrow, progress_row, wrapped
 from ..focus import focus_list, lens_amount
 from ..footage import choose_clip, photos, solve
@@ -48,7 +47,8 @@ class VIRTUAL_APERTURE_PT_main(Panel, bpy.types.Panel):  # noqa: N801
             notices.draw(layout, context)
             return
         if running is not None:
-            _draw_solving(layout, running)
+            step = running.step
+            progress_row(layout, step.text, step.share, step.left, hint="ESC cancels")
         elif not settings.footage:
             wrapped(layout, context, HINT, icon="IMPORT")
             _large(layout).operator(choose_clip.VIRTUAL_APERTURE_OT_choose_clip.bl_idname, icon="FILEBROWSER")
@@ -79,11 +79,6 @@ def _draw_clip(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
     row.operator(choose_clip.VIRTUAL_APERTURE_OT_choose_clip.bl_idname, text=name, icon="FILE_MOVIE")
     if photos.are_photos(settings):
         row.operator(photos.VIRTUAL_APERTURE_OT_show_photo.bl_idname, text="", icon="IMAGE_DATA")
-
-
-def _draw_solving(layout: bpy.types.UILayout, solving: Solving) -> None:
-    step = solving.step
-    progress_row(layout, step.text, step.share, step.left, hint="ESC cancels")
 
 
 def _draw_unsolved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -18,8 +18,7 @@ from ...scene.sources.clip import WHILE_PLAYED, trouble_with
 from ..base.operators import check_may_change, sentence
 from ..base.solving import running_solve
 from ..base.text import wrapped
-from ..footage.find_clip import VIRTUAL_APERTURE_OT_find_clip
-from ..footage.restore import VIRTUAL_APERTURE_OT_restore_camera, VIRTUAL_APERTURE_OT_restore_objects
+from ..footage import restore
 from ..footage.solve import VIRTUAL_APERTURE_OT_solve
 from ..jobs import depth_ahead, render_clip, report_list
 from ..picking.pick_subject import VIRTUAL_APERTURE_OT_pick_subject
@@ -84,10 +83,10 @@ def _scene(scene: bpy.types.Scene) -> Iterator[Notice]:
     if missing := parts.missing(scene):
         is_camera = missing == ["camera"]
         text = "The clip's camera was deleted" if is_camera else "The objects of this solve were deleted"
-        restore = VIRTUAL_APERTURE_OT_restore_objects.bl_idname
+        objects = restore.VIRTUAL_APERTURE_OT_restore_objects.bl_idname
         yield Notice(
             "Camera was deleted" if is_camera else "Objects were deleted", (text,), "ERROR",
-            lambda layout: layout.operator(restore, icon="LOOP_BACK"),
+            lambda layout: layout.operator(objects, icon="LOOP_BACK"),
         )  # fmt: skip
 
 
@@ -102,7 +101,7 @@ def _clip(settings: bpy.types.PropertyGroup, within: float) -> Iterator[Notice]:
             layout.operator(VIRTUAL_APERTURE_OT_solve.bl_idname, text="Solve This Clip", icon="TRACKER")
             return
         row = layout.row(align=True)
-        find = VIRTUAL_APERTURE_OT_find_clip.bl_idname
+        find = restore.VIRTUAL_APERTURE_OT_find_clip.bl_idname
         if trouble.found is not None:
             here = row.operator(find, text="Use New Location", icon="CHECKMARK")
             here.filepath = str(trouble.found)
@@ -144,10 +143,10 @@ def _output(scene: bpy.types.Scene) -> Iterator[Notice]:
     if lines := ignored(scene):
         is_edited = bool(edits(scene))
         short = "Camera edits ignored" if is_edited else f"{counted(len(lines), 'setting')} ignored"
-        restore = VIRTUAL_APERTURE_OT_restore_camera.bl_idname
+        camera = restore.VIRTUAL_APERTURE_OT_restore_camera.bl_idname
         yield Notice(
             short, lines,
-            draw_way_out=lambda layout: is_edited and layout.operator(restore, icon="LOOP_BACK"),
+            draw_way_out=lambda layout: is_edited and layout.operator(camera, icon="LOOP_BACK"),
         )  # fmt: skip
 
 

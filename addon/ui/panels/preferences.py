@@ -13,7 +13,7 @@ from ...core.base.store import delete_kept, kept_size
 from ...scene.base import preferences
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.shot import KEPT_DEPTH
-from ..base.operators import Result, asked, has_clip, polls, reported, requires
+from ..base.operators import Acts, Result, asked, has_clip, polls, requires
 from ..jobs import depth_ahead
 
 LOOK_AGAIN = 3.0
@@ -63,10 +63,9 @@ class VIRTUAL_APERTURE_preferences(bpy.types.AddonPreferences):  # noqa: N801
         layout.prop(self, "threads")
 
 
-class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_delete_depth(Acts, bpy.types.Operator):  # noqa: N801
     """Delete the kept depth of this clip. Renders find what they need again. This cannot be undone"""
 
-    bl_idname = "virtual_aperture.delete_depth"
     bl_label = "Delete Kept Depth"
 
     poll = polls(
@@ -80,8 +79,7 @@ class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
         message = f"{size} in {folder}; finding it again takes as long as the first time"
         return asked(self, context, event, title="Delete kept depth?", message=message, confirm_text="Delete")
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         folder = depth_folder(context.scene.virtual_aperture)
         # It would go on writing there.
         depth_ahead.pause()
@@ -90,8 +88,7 @@ class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
         except OSError as error:
             raise UserError(f"the depth in {folder} cannot be deleted: {error.strerror}") from None
         _sizes.clear()
-        self.report({"INFO"}, f"{size_words(freed)} of kept depth deleted")
-        return {"FINISHED"}
+        return f"{size_words(freed)} of kept depth deleted"
 
 
 def depth_folder(settings: bpy.types.PropertyGroup) -> Path:

@@ -1,4 +1,4 @@
-"""Painting a repair over a mistake of the depth, in the camera's picture."""
+"""Painting a repair over a mistake of the depth, in the camera's picture, and the list of repairs."""
 
 from dataclasses import replace
 
@@ -12,11 +12,11 @@ from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
 from ...scene.lens import repairs
 from ...scene.sources.shot import reconstruction_of
-from ..base.operators import Result, may_change, polls, reported, requires
-from .pick_in_view import PicksInView
+from ..base.operators import Edits, Result, may_change, polls, requires
+from ..base.text import list_row
+from .pick_in_view import EXAMPLE, STROKE, PicksInView
 from .pick_view import Overlay
 
-EXAMPLE = "0.44,0.26 0.45,0.5"
 FINER = 0.85
 """Factor on the brush with each press of [."""
 
@@ -27,16 +27,9 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
     The stroke is carried through the clip. [ and ] change the size of the brush
     """
 
-    bl_idname = "virtual_aperture.paint_repair"
     bl_label = "Paint Repair"
-    # Not REGISTER: there is nothing to redo without the mouse.
-    bl_options = {"UNDO"}  # noqa: RUF012
 
-    places: bpy.props.StringProperty(
-        name="Places",
-        description=f"Corners of the stroke as fractions of the image from the top left, such as {EXAMPLE}",
-        options={"SKIP_SAVE"},
-    )
+    places: STROKE
     reference: bpy.props.StringProperty(
         name="Reference",
         description="Place with the right depth, for Same as Here, such as 0.4,0.5",
@@ -45,8 +38,7 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
 
     doing, cursor = "Paint", "PAINT_BRUSH"
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         try:
             places = places_of(self.places.split())
             reference = next(iter(places_of(self.reference.split())), None)
@@ -54,16 +46,15 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
             raise UserError(
                 f"the stroke {self.places!r} is not valid; write places such as {EXAMPLE}"
             ) from None
-        self._keep(context.scene, places, reference)
-        return {"FINISHED"}
+        return self._keep(context.scene, places, reference)
 
     def _keep(
         self,
         scene: bpy.types.Scene,
         places: tuple[tuple[float, float], ...],
         reference: tuple[float, float] | None,
-    ) -> None:
-        """Add the stroke to the repairs; UserError where it is not valid."""
+    ) -> str:
+        """Add the stroke to the repairs; returns a line about it. UserError where it is not valid."""
         settings, frame = scene.virtual_aperture, clip_frame(scene)
         if frame not in (solved := reconstruction_of(settings)).frames:
             raise UserError(unsolved(solved, frame))
@@ -74,7 +65,7 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
         check_repair(made)
         repairs.add_repairs(settings, [made])
         redraw.panels()
-        self.report({"INFO"}, f"Painted {KINDS[made.kind]} at frame {frame}; Ctrl Z takes it back")
+        return f"Painted {KINDS[made.kind]} at frame {frame}; Ctrl Z takes it back"
 
     def overlay(self) -> Overlay:
         return Overlay(self._view, self._scene)
@@ -135,28 +126,51 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
             self._overlay.extend_line(self._view.place(self._scene, event))
         if event.type == "LEFTMOUSE" and event.value == "RELEASE":
             self._end(context)
-            self._keep(self._scene, tuple(self._overlay.line), self._reference)
+            self.report({"INFO"}, self._keep(self._scene, tuple(self._overlay.line), self._reference))
             return {"FINISHED"}
         self._view.area.tag_redraw()
         return {"RUNNING_MODAL"}
 
 
-class VIRTUAL_APERTURE_OT_remove_repair(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_remove_repair(Edits, bpy.types.Operator):  # noqa: N801
     """Remove the active repair"""
 
-    bl_idname = "virtual_aperture.remove_repair"
     bl_label = "Remove Repair"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     poll = polls(
         may_change,
         requires(lambda c: len(c.scene.virtual_aperture.repairs.items), "Nothing has been repaired"),
     )
 
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         settings = context.scene.virtual_aperture
         kept = settings.repairs.items[settings.repairs.active]
         said = f"Removed the repair {kept.name} of frame {kept.frame}"
         repairs.remove_repair(settings, settings.repairs.active)
-        self.report({"INFO"}, said)
-        return {"FINISHED"}
+        return said
+
+
+class VIRTUAL_APERTURE_UL_repairs(bpy.types.UIList):  # noqa: N801
+    """Kind and frame of each repair."""
+
+    def draw_item(
+        self, _context: bpy.types.Context, layout: bpy.types.UILayout, _data: object,
+        repair: bpy.types.PropertyGroup, _icon: int, _active_data: object, _active: str, index: int = 0,
+    ) -> None:  # fmt: skip
+        row = layout.split(factor=0.65)
+        row.label(text=KINDS[repair.kind.lower()], icon="BRUSH_DATA")
+        row.label(text=f"frame {repair.frame}")
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the brush, its operator, and the list of repairs."""
+    group = context.scene.virtual_aperture.repairs
+    layout.prop(group, "kind")
+    layout.prop(group, "radius")
+    amount = layout.row()
+    amount.active = group.kind in {"NEARER", "FARTHER"}
+    amount.prop(group, "amount")
+    layout.operator(VIRTUAL_APERTURE_OT_paint_repair.bl_idname, icon="BRUSH_DATA")
+    if len(group.items):
+        remove = VIRTUAL_APERTURE_OT_remove_repair.bl_idname
+        list_row(layout, "repairs", group).operator(remove, text="", icon="REMOVE")

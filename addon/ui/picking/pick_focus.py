@@ -10,9 +10,9 @@ from ...scene.base.timeline import clip_frame
 from ...scene.focus import focus_marks
 from ...scene.focus.clicks import place_at
 from ...scene.lens import aperture_cloud
-from ..base.operators import Result, reported
+from ..base.operators import Result
 from .pick_place import PicksPlaces
-from .pick_vertices import focus_on
+from .pick_vertices import ADD_MARK, focus_on
 from .pick_view import XY
 
 
@@ -22,17 +22,9 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
     Shift adds places, Ctrl removes them
     """
 
-    bl_idname = "virtual_aperture.pick_focus"
     bl_label = "Pick Focus"
-    # Not REGISTER: there is nothing to redo without the mouse.
-    bl_options = {"UNDO"}  # noqa: RUF012
 
-    add: bpy.props.BoolProperty(
-        name="Add Mark",
-        description="Add a second focus mark at the current frame instead of replacing the first, so that"
-        " focus is pulled to it",
-        options={"SKIP_SAVE"},
-    )
+    add: ADD_MARK
     x: bpy.props.FloatProperty(
         name="X",
         description="Position from the left, as a fraction of the image width",
@@ -52,12 +44,10 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
 
     hint = "Click: Set    Shift Click: Add Place    Ctrl Click: Remove Place    Enter: Confirm    ESC: Cancel"
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         scene = context.scene
         place = place_at(scene, clip_frame(scene), self.x, self.y)()
-        self.report({"INFO"}, focus_on(scene.virtual_aperture, clip_frame(scene), [place], self.add))
-        return {"FINISHED"}
+        return focus_on(scene.virtual_aperture, clip_frame(scene), [place], self.add)
 
     def picked(self) -> list[Place]:
         mark = self._mark()

@@ -11,13 +11,24 @@ from ...render.processes.clip_process import CLIP
 from ...scene.base.remedy_words import WORDS
 from ...scene.base.timeline import clip_frame
 from ...scene.sources.shot import Shot, shot_of
-from ..base.operators import Result, has_solve, may_change, polls, reported, requires, sentence
+from ..base.operators import Acts, Result, has_solve, may_change, polls, reported, requires, sentence
 from ..base.work import Work
 from .pick_view import XY, CameraView, Overlay
 
+EXAMPLE = "0.44,0.26 0.45,0.5"
+STROKE = bpy.props.StringProperty(
+    name="Places",
+    description=f"Corners of the stroke as fractions of the image from the top left, such as {EXAMPLE}",
+    options={"SKIP_SAVE"},
+)
+"""Property of operators that draw a stroke."""
 
-class PicksInView:
+
+class PicksInView(Acts):
     """A mixin of modal operators that draw an overlay over the camera view meanwhile."""
+
+    # Not REGISTER: there is nothing to redo without the mouse.
+    bl_options = {"UNDO"}  # noqa: RUF012
 
     hint = ""
     """The mouse and the keys, for the header of the view."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import bpy
 
 from ...core.base.errors import UserError
-from ...core.focus.place import Glance, Place, PlaceFinder, shown_at
+from ...core.focus.place import Place, PlaceFinder, shown_at
 from ...scene.base.remedy_words import WORDS
 from ...scene.base.timeline import clip_frame
 from ...scene.focus.clicks import places, surface_at
@@ -94,14 +94,11 @@ class PicksPlaces(PicksInView):
         glance = finder.glance(*at) if finder is not None and at is not None else None
         overlay.mouse = at
         overlay.features = [] if glance is None else glance.places.tolist()
-        overlay.text = "" if glance is None else self._glance_text(glance)
+        overlay.text = "" if glance is None else "Click to find the depth here"
+        if glance is not None and glance.distance is not None:
+            overlay.text = length_words(self._scene.virtual_aperture, glance.distance)
         self._show_picked()
         self._say(overlay.text)
-
-    def _glance_text(self, glance: Glance) -> str:
-        if glance.distance is None:
-            return "Click to find the depth here"
-        return length_words(self._scene.virtual_aperture, glance.distance)
 
     def _current_finder(self) -> PlaceFinder | None:
         """The finder of the present frame; None without a camera."""

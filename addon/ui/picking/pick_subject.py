@@ -14,12 +14,11 @@ from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
 from ...scene.sources import subjects
 from ...scene.sources.shot import Shot, reconstruction_of
-from ..base.operators import Result, reported
+from ..base.operators import Result
 from ..base.work import LOOK, Work
-from .pick_in_view import PicksInView
+from .pick_in_view import EXAMPLE, STROKE, PicksInView
 from .pick_view import Overlay
 
-EXAMPLE = "0.44,0.26 0.45,0.5"
 NOTHING = "There is nothing to take away from yet"
 CORNERS = 5
 """Corners of the stroke that marks a found person."""
@@ -57,21 +56,14 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
     All of it lights up, and is marked in all frames. Shift extends it, Ctrl takes parts away
     """
 
-    bl_idname = "virtual_aperture.pick_subject"
     bl_label = "Pick Subject"
-    # Not REGISTER: there is nothing to redo without the mouse.
-    bl_options = {"UNDO"}  # noqa: RUF012
 
     new: bpy.props.BoolProperty(
         name="New Subject",
         description="Mark another subject instead of the active one",
         options={"SKIP_SAVE"},
     )
-    places: bpy.props.StringProperty(
-        name="Places",
-        description=f"Corners of the stroke as fractions of the image from the top left, such as {EXAMPLE}",
-        options={"SKIP_SAVE"},
-    )
+    places: STROKE
     extend: bpy.props.BoolProperty(
         name="Extend",
         description="Keep the strokes the subject has in the current frame",
@@ -93,8 +85,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
     _masks: dict[str, Mask]
     """(h, w) these people, once they are known."""
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         scene, settings = context.scene, context.scene.virtual_aperture
         frame = clip_frame(scene)
         try:
@@ -107,11 +98,11 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
             raise UserError(unsolved(solved, frame))
         name, strokes = self._subject(settings)
         made = with_stroke(strokes, Stroke(frame, places, not self.take_away), self.extend)
-        self._check(made)
+        if not any(stroke.adds for stroke in made):
+            raise UserError("there is nothing to take away from yet; mark the subject first")
         subjects.set_strokes(settings, name, made)
         redraw.panels()
-        self.report({"INFO"}, f"{name} is marked at frame {frame}")
-        return {"FINISHED"}
+        return f"{name} is marked at frame {frame}"
 
     def _subject(self, settings: bpy.types.PropertyGroup) -> tuple[str, tuple[Stroke, ...]]:
         """Name and strokes of the subject that is picked."""
@@ -119,10 +110,6 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
         if active is None:
             return subjects.free_name(settings), ()
         return active.name, subjects.strokes_of(active)
-
-    def _check(self, strokes: tuple[Stroke, ...]) -> None:
-        if not any(stroke.adds for stroke in strokes):
-            raise UserError("there is nothing to take away from yet; mark the subject first")
 
     def overlay(self) -> Overlay:
         return Overlay(self._view, self._scene)

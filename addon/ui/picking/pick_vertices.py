@@ -16,7 +16,15 @@ from ...scene.lens.depth_of_field import length_words
 from ...scene.solve.point_cloud import ID_ATTRIBUTE
 from ...scene.sources import subjects
 from ...scene.sources.shot import reconstruction_of
-from ..base.operators import Result, has_points, polls, reported
+from ..base.operators import Edits, has_points, polls
+
+ADD_MARK = bpy.props.BoolProperty(
+    name="Add Mark",
+    description="Add a second focus mark at the current frame instead of replacing the first, so that focus"
+    " is pulled to it",
+    options={"SKIP_SAVE"},
+)
+"""Property of operators that call `focus_on`."""
 
 
 def focus_on(
@@ -30,9 +38,10 @@ def focus_on(
     released = blender_focus.release(settings)
     after = f"; {released} is no longer the focus object" if released else ""
     if focus_marks.are_keys_users(settings):
-        inverse = float(np.mean([1 / place.distance for place in places]))
-        lens.key_distance(settings, 1 / inverse)
-        keyed = f"he focus distance is keyed at frame {clip_frame(settings.id_data)}"
+        now = clip_frame(settings.id_data)
+        settings.focus_distance = 1 / float(np.mean([1 / place.distance for place in places]))
+        settings.id_data.keyframe_insert(settings.path_from_id("focus_distance"), frame=now)
+        keyed = f"he focus distance is keyed at frame {now}"
         said = f"{marked}; t{keyed}" if marked else f"T{keyed}"
     else:
         mark = focus_marks.put(settings, frame, places, add)
@@ -50,17 +59,14 @@ def focus_on(
     return said + guessed + after
 
 
-class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_set_focus(Edits, bpy.types.Operator):  # noqa: N801
     """Focus on the selected vertices of the point cloud: at least one, ideally four"""
 
-    bl_idname = "virtual_aperture.set_focus"
     bl_label = "Set Focus from Selected Vertices"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     poll = polls(has_points)
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         settings = context.scene.virtual_aperture
         ids = selected_points(settings.points)
         if not ids:
@@ -81,8 +87,7 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
         # In Edit Mode only the mesh can be undone, and the points' colours are hidden.
         bpy.ops.object.mode_set(mode="OBJECT")
         place = Place(focus, frame, distance, "selected vertices")
-        self.report({"INFO"}, focus_on(settings, frame, [place]))
-        return {"FINISHED"}
+        return focus_on(settings, frame, [place])
 
 
 def selected_points(points: bpy.types.Object) -> list[int]:

@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import blf
 import bpy
 import cv2
+import gpu
 import numpy as np
+from gpu_extras.batch import batch_for_shader
 
 from ...core.base.arrays import Floats, Mask
 from ...core.base.errors import UserError
@@ -228,9 +231,6 @@ def ring(middle: XY, radius: float) -> Floats:
 
 def line(places: Sequence[Sequence[float]] | Floats, colour: tuple[float, ...], width: float) -> None:
     """Draw a line through pixels (n, 2) of the region, with a dark rim that shows on any picture."""
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
     corners = np.pad(np.asarray(places, np.float32), ((0, 0), (0, 1)))
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     batch = batch_for_shader(shader, "LINE_STRIP", {"pos": corners})
@@ -246,8 +246,6 @@ def line(places: Sequence[Sequence[float]] | Floats, colour: tuple[float, ...], 
 
 def _text(text: str, mouse: XY, border: float, scale: float) -> None:
     """A line beside the mouse, on its left where it would reach past a border."""
-    import blf
-
     blf.size(0, TEXT * scale)
     width, gap = blf.dimensions(0, text)[0], 16 * scale
     left = mouse[0] + gap if mouse[0] + gap + width < border else mouse[0] - gap - width

@@ -7,7 +7,9 @@ They are drawn here over those, which still answer clicks.
 from typing import Any
 
 import bpy
+import gpu
 import numpy as np
+from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
 from ...core.base.arrays import Floats
@@ -66,8 +68,6 @@ def draw() -> None:
         # Edits of the mesh are not reported: it is drawn anew afterwards.
         _batches = None
         return
-    import gpu
-
     points = context.scene.virtual_aperture.points
     everything, picked = _made(context.scene.virtual_aperture)
     scale = context.preferences.system.ui_scale
@@ -92,8 +92,6 @@ def draw() -> None:
 
 def _draw_points(batch: Any, size: float, colour: tuple[float, ...] | None = None) -> None:
     """Squares of `size` pixels, in their own colours where none is given."""
-    import gpu
-
     shader = gpu.shader.from_builtin("POINT_FLAT_COLOR" if colour is None else "POINT_UNIFORM_COLOR")
     shader.bind()
     if colour is not None:
@@ -116,9 +114,6 @@ def _made(settings: Any) -> tuple[Any, Any]:
 
 
 def _batch(places: Floats | NDArray[np.float32], colours: Colours | None = None) -> Any:
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
     # The shader of one colour for all leaves the points' own aside.
     name = "POINT_UNIFORM_COLOR" if colours is None else "POINT_FLAT_COLOR"
     content = {"pos": places} if colours is None else {"pos": places, "color": colours}

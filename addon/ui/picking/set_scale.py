@@ -12,7 +12,7 @@ from ...scene.base.timeline import clip_frame
 from ...scene.focus.clicks import places
 from ...scene.lens import scale
 from ...scene.sources.shot import shot_of
-from ..base.operators import Result, reported, sentence
+from ..base.operators import Result, sentence
 from .pick_place import PicksPlaces
 
 
@@ -30,10 +30,7 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
     """Click both ends of something whose length you know, in the camera view, then type that length: f-stops
     and distances are true from then on"""
 
-    bl_idname = "virtual_aperture.set_scale"
     bl_label = "Set Scale"
-    # Not REGISTER: there is nothing to redo without the mouse.
-    bl_options = {"UNDO"}  # noqa: RUF012
 
     start: _place("Start", "One end")  # type: ignore[valid-type]
     end: _place("End", "The other end")  # type: ignore[valid-type]
@@ -66,8 +63,7 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
     def draw(self, _context: bpy.types.Context) -> None:
         self.layout.prop(self, "metres")
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
+    def act(self, context: bpy.types.Context) -> str:
         settings = context.scene.virtual_aperture
         length = self.length
         if not length:
@@ -75,8 +71,7 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
             finder = places(settings, clip, clip_frame(context.scene))
             length = length_between(clip, [finder.find(*xy) for xy in (self.start, self.end)])
         settings.metres_per_unit = self.metres / length
-        self.report({"INFO"}, f"The scale is set: {self.metres:.4g} m between the two places")
-        return {"FINISHED"}
+        return f"The scale is set: {self.metres:.4g} m between the two places"
 
     def took(self, context: bpy.types.Context, place: Place, _shift: bool) -> Result:
         if place.is_estimated:
