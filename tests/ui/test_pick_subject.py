@@ -247,7 +247,9 @@ def test_a_stroke_leaves_what_is_known_of_the_clip(
     after = shot_of(scene)
     assert len(after.context.marked) == 2 and after is not before
     assert after.context._subjects is before.context._subjects
-    assert after.context.parts.subjects.carried(after.subjects[0]) is carried and after.clip.read(2) is picture
+    assert (
+        after.context.parts.subjects.carried(after.subjects[0]) is carried and after.clip.read(2) is picture
+    )
     # Masks are left out of the static scene.
     black = np.zeros((LENS.height, LENS.width, 3), np.uint8)
     settings.masks = str(planes.write_clip(tmp_path / "masks", [black] * len(after.footage.frames)))
