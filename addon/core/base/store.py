@@ -9,7 +9,7 @@ FOLDER/KEY/moving-people.npz   the people of the clip, each in the frame of thei
 FOLDER/KEY/moving-objects.npz   the strokes that mark the other moving objects of the clip
 FOLDER/KEY/lost-THRESHOLD-000123.npz, lamps-THRESHOLD-000123.npz   the clipped light of a frame, and
                                estimates from the rims of its highlights (`frame/kept_highlights.py`)
-FOLDER/KEY/clip-noise.npz, clip-lens.npz, clip-fixed.npz   numbers of the whole clip, and its fixed pixels
+FOLDER/KEY/clip-noise.npz, clip-fixed.npz   numbers of the whole clip, and its fixed pixels
 
 KEY is a digest of all inputs. A file that is damaged, or of another size, does not exist. Processes that
 work on the same clip share kept results: each makes those that no other is making (`made`).

@@ -36,7 +36,6 @@ from ..subjects.strokes import MarkedSubject
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
 from .highlights import RESTORED, ClipHighlights, HighlightSettings
 from .moving_parts import MovingParts
-from .own_lens import OwnLens, own_lens
 from .quality import NORMAL, Quality
 from .repairs import CarriedPlaces
 
@@ -72,7 +71,7 @@ class ClipContext:
     known_subjects: ClipSubjects | None = None
     """Subjects from another context with the same clip and masks."""
     clip_store: Store = NOT_KEPT
-    """Storage of highlights, noise and the clip's own lens, which depend on neither quality nor masks."""
+    """Storage of highlights and noise, which depend on neither quality nor masks."""
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels on the processor or a GPU."""
     maps: DepthSource | None = None
@@ -212,11 +211,6 @@ class ClipContext:
             return np.zeros(0) if found is None else found.numbers
 
         return Noise.of(self.clip_store.once(numbers("clip-noise", 0, NUMBERS), find))
-
-    @cached_property
-    def own_lens(self) -> OwnLens | None:
-        """The lens of the camera; None without depth of field. Raises UserError if a frame cannot be read."""
-        return own_lens(self.reconstruction, self.scene, self.clip_store)
 
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:
         """Return the source of depth in a quality, the only one for picking, following and drawing.

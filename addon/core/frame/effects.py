@@ -54,17 +54,9 @@ class Effect:
     """Changes its picture (H, W, 4) in the geometry of the source."""
 
 
-def _complete_own_lens(geometry: FrameGeometry) -> FrameGeometry:
-    """Complete the blur of the clip's own lens to that of the user's; not on a steadier path."""
-    simple = geometry.lens.is_plain and not (geometry.cg.layers or geometry.steadied)
-    if not (geometry.mesher.needs_pixel_depth and simple):
-        return geometry
-    return replace(geometry, own_lens=geometry.clip.own_lens)
-
-
 def _remove_highlights(geometry: FrameGeometry) -> FrameGeometry:
     """Remove the highlights that are drawn as discs from the picture of a frame with layers."""
-    depth, lens, settings = geometry.depth_to_blur, geometry.lens, geometry.settings
+    depth, lens, settings = geometry.depth, geometry.lens, geometry.settings
     is_layered = depth is not None and geometry.mesher.is_prefiltered
     if not (settings.highlights.gain and is_layered and geometry.picture.size):
         return geometry
@@ -80,8 +72,8 @@ def _remove_highlights(geometry: FrameGeometry) -> FrameGeometry:
 
 
 def _tracked_depth(geometry: FrameGeometry) -> TrackedDepth | None:
-    """Return the frame's feature points; None if depth is given or the clip's own lens is completed."""
-    if geometry.clip.given_depth is not None or geometry.own_lens is not None:
+    """Return the frame's feature points; None if depth is given."""
+    if geometry.clip.given_depth is not None:
         return None
     samples, lens = geometry.samples, geometry.lens
     displacement = lens.displacement(samples.inverse_depth).astype(np.float32)
@@ -152,7 +144,6 @@ def _keep_fixed(picture: LinearRGBA, drawing: Drawing) -> LinearRGBA:
 
 
 EFFECTS = (
-    Effect(before=_complete_own_lens),
     Effect(on_mean=_normalize_barrel),
     Effect(on_mean=_close_gaps),
     Effect(before=_remove_highlights, on_mean=_add_highlights),

@@ -34,9 +34,6 @@ benchmarks.timings.frame_costs`."""
 READ, WARPED = 0.01, 0.7
 """Shares of a frame's time that have passed once it is read and once its mesh is made; the rest draws its
 views. From `python -m benchmarks.timings.frame_costs`, with 24 views on 2 cores and unknown depth."""
-MOST_SOFTER = 0.05
-"""Share of a frame that the clip's own lens blurs more than the wished one, from which a note is given.
-Chosen by inspection."""
 DrawViews = Callable[[WarpedFrame], LinearRGBA]
 """Draws the views of a frame and returns their weighted mean (h, w, 4) in its canvas."""
 
@@ -204,10 +201,6 @@ def _notes(meshed: MeshedFrame) -> tuple[str, ...]:
         found.append(
             f"Stabilize is {moved.strength:.2f} instead of {wished:.2f}: from a steadier path the camera"
             " would see what the clip does not show"
-        )
-    if meshed.softer > MOST_SOFTER:
-        found.append(
-            f"Frame {frame}: {meshed.softer:.0%} of it is softer in the clip than your lens makes it"
         )
     if meshed.why:
         found.append(f"Frame {frame} uses the method {geometry.mesher.name}: {meshed.why}")

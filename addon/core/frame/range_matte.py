@@ -73,8 +73,6 @@ def _inverse_depth(warped: WarpedFrame, displacement: Map) -> Floats:
         lens = warped.steadied.own_lens
         scale = warped.steadied.aperture_share * lens.disparity_scale
     inverse: Floats = lens.focus + displacement.astype(np.float64) / scale
-    if warped.own_lens is not None:
-        inverse = warped.own_lens.true(warped.plan.frame, lens, inverse)
     if lens.is_plain:
         return inverse
     return np.asarray(lens.unrectified(inverse, lens.raster_places(inverse.shape)))

@@ -20,7 +20,6 @@ from .meshers import MESHERS
 from .meshers.layers import can_be_layered
 from .meshers.mesher import FrameGeometry, Surface, Views
 from .options import check_options
-from .own_lens import OwnLens
 from .plan import FrameOptions, FramePlan
 from .steadied import Steadied
 
@@ -52,8 +51,6 @@ class WarpedFrame:
     """The steadier camera of the plan, if any."""
     cg: tuple[CGSurface, ...] = ()
     """CG objects, which are not in the plan's mesh."""
-    own_lens: OwnLens | None = None
-    """The camera's lens, if its blur was taken from that of the layers."""
 
 
 @dataclass(frozen=True)
@@ -70,14 +67,6 @@ class MeshedFrame:
     """Wall time of its depth, if that had to be found."""
     mesh_seconds: float = 0.0
     """Wall time of its mesh."""
-
-    @property
-    def softer(self) -> float:
-        """Share of its pixels that the clip's own lens has blurred more than the user's."""
-        own, depth = self.geometry.own_lens, self.geometry.depth
-        if own is None or depth is None:
-            return 0.0
-        return own.share_softer(self.geometry.frame, self.geometry.lens, depth.inverse_depth)
 
     @property
     def views(self) -> int:
@@ -122,7 +111,7 @@ class MeshedFrame:
         return WarpedFrame(
             plan, texture, mesher.name, self.why, self.surface.is_whole, geometry.depth,
             self.surface.layers, self.depth_seconds, self.mesh_seconds + time.perf_counter() - began,
-            geometry.highlight_discs, moved, self._cg_surfaces(count, plan), geometry.own_lens,
+            geometry.highlight_discs, moved, self._cg_surfaces(count, plan),
         )  # fmt: skip
 
     def _cg_surfaces(self, count: int, plan: FramePlan) -> tuple[CGSurface, ...]:

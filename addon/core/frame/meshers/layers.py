@@ -1,12 +1,7 @@
 """Dense depth in layers, with hidden surfaces behind silhouettes."""
 
-from collections.abc import Callable
-from functools import partial
-
-from ...base.arrays import Floats
 from ...base.progress import stage
 from ...optics.thin_lens import ThinLens
-from ...warp.disocclusion_fill import HiddenColours
 from ...warp.layered_mesh import WIDEST, layer_mesh
 from .mesher import FrameGeometry, Mesher, Surface, equal_share_views
 
@@ -21,7 +16,7 @@ def can_be_layered(lens: ThinLens, blur: float) -> bool:
 
 def make(geometry: FrameGeometry) -> Surface:
     """Make the mesh of the frame's layered depth image, with hidden colours from other frames."""
-    assert geometry.depth is not None and geometry.depth_to_blur is not None
+    assert geometry.depth is not None
     hidden = None
     if geometry.settings.borrow:
         with stage("Hidden surfaces", 0.0, FILLED):
@@ -32,20 +27,13 @@ def make(geometry: FrameGeometry) -> Surface:
                 geometry.depth,
                 geometry.settings.highlights,
             )
-            if own := geometry.own_lens:
-                hidden = _by_true_depth(hidden, partial(own.true, geometry.frame, geometry.lens))
     quality = geometry.settings.quality
     with stage("Mesh", FILLED, 1.0):
         mesh, texture, layers = layer_mesh(
-            geometry.picture, geometry.depth_to_blur, geometry.lens, hidden, quality.largest_texture,
+            geometry.picture, geometry.depth, geometry.lens, hidden, quality.largest_texture,
             geometry.beyond,
         )  # fmt: skip
     return Surface(mesh, texture, bool(geometry.picture[..., 3].min() > 0.999), layers)
-
-
-def _by_true_depth(hidden: HiddenColours, true: Callable[[Floats], Floats]) -> HiddenColours:
-    """Adapt hidden colours to blurred inverse depths (n,), which `true` maps to real ones."""
-    return lambda places, inverse: hidden(places, true(inverse))
 
 
 MESHER = Mesher(

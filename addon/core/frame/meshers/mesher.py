@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 from ...base.arrays import Floats, LinearRGBA
 from ...camera.canvas import Canvas
@@ -19,7 +18,6 @@ from ...warp.mesh import WarpMesh
 from ..cg_layers import NO_CG, CGObjects
 from ..clip_context import ClipContext
 from ..highlight_discs import HighlightDiscs
-from ..own_lens import OwnLens
 from ..plan import FrameOptions
 from ..steadied import Steadied
 
@@ -43,8 +41,6 @@ class FrameGeometry:
     cg: CGObjects = NO_CG
     steadied: Steadied | None = None
     """The steadier camera of the views, if any."""
-    own_lens: OwnLens | None = None
-    """The camera's lens, if its blur is taken into account."""
     beyond: float = 0.0
     """Pixels past the canvas's border that a steadier camera sees."""
     highlight_discs: HighlightDiscs | None = None
@@ -54,13 +50,6 @@ class FrameGeometry:
     def frame(self) -> int:
         """The source frame's number."""
         return self.samples.frame
-
-    @cached_property
-    def depth_to_blur(self) -> PixelDepth | None:
-        """`depth`, or the depth at which the lens blurs by the amount that the clip's own lens leaves."""
-        if self.own_lens is None or self.depth is None:
-            return self.depth
-        return self.own_lens.remaining(self.frame, self.lens, self.depth)
 
 
 @dataclass(frozen=True)
