@@ -115,17 +115,20 @@ class Standing:
 
     def _by_ground(self, masks: Mapping[int, Mask], static: Mapping[int, Map]) -> dict[int, float] | None:
         """The median inverse depth of a subject by the ground that it stands on; None without a plane."""
-        planes = {
-            frame: plane
-            for frame, mask in masks.items()
-            if (plane := self._ground(frame, mask, static[frame])) is not None
-        }
+        planes = dict[int, Plane]()
+        for frame, mask in masks.items():
+            checkpoint()
+            canvas = self.static.canvas(frame)
+            ground = ground_below(mask, static[frame], ~self._left_out(frame), canvas.pinhole)
+            if ground is not None:
+                planes[frame] = ground
         if not planes:
             return None
         found = dict[int, float]()
         for frame, mask in masks.items():
             nearest = min(planes, key=lambda other: abs(other - frame))
-            plane = self._seen_from(planes[nearest], nearest, frame)
+            there, here = (self.static.reconstruction.image_at(each)[0] for each in (nearest, frame))
+            plane = planes.get(frame) or planes[nearest].seen_from(*relative_pose(there, here))
             pinhole = self.static.canvas(frame).pinhole
             touch = None if plane is None else contact(mask, plane, pinhole)
             if plane is not None and touch is not None and (base := touch.inverse_depth(0.0, plane)) > 0:
@@ -173,16 +176,6 @@ class Standing:
     def _shown(self, subject: Callable[[int], Mask], frame: int) -> Mask:
         image, _ = self.static.reconstruction.image_at(frame)
         return self.static.on_canvas(image, subject(frame))
-
-    def _ground(self, frame: int, mask: Mask, static: Map) -> Plane | None:
-        """The ground around a subject (h, w) in a frame, in its camera's space."""
-        checkpoint()
-        return ground_below(mask, static, ~self._left_out(frame), self.static.canvas(frame).pinhole)
-
-    def _seen_from(self, plane: Plane, frame: int, other: int) -> Plane | None:
-        """A plane in a frame's camera space, in that of another frame."""
-        here, there = (self.static.reconstruction.image_at(each)[0] for each in (frame, other))
-        return plane if here is there else plane.seen_from(*relative_pose(here, there))
 
     def _left_out(self, frame: int) -> Mask:
         mask = self._shown(self.moving, frame).astype(np.uint8)
