@@ -15,8 +15,7 @@ from ..media.light import to_rgb8
 from ..optics.aperture_sampling import vogel_disc
 from ..optics.registration import exact_registration
 from ..warp.layered_mesh import FINER
-from ..warp.mesh import WarpMesh
-from ..warp.rasterise import at_pixels
+from ..warp.mesh import WarpMesh, at_pixels
 from .warped_frame import WarpedFrame
 
 Shown = NDArray[np.uint8]
