@@ -47,6 +47,10 @@ class Places:
         """Select positions by a mask (n,), a slice or indices (k,)."""
         return Places(self.x[which], self.y[which], self.inverse[which])
 
+    def chunks(self) -> list[slice]:
+        """Return slices of at most `CHUNK` positions."""
+        return [slice(first, first + CHUNK) for first in range(0, len(self), CHUNK)]
+
 
 @dataclass(frozen=True)
 class Reprojection:

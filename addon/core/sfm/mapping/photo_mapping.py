@@ -16,8 +16,8 @@ import pycolmap
 from ...base.arrays import Ints
 from ...base.atomic import temporary_folder
 from ...base.errors import UserError
-from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction, normalise, outermost_angles
-from ..adjustment.solution import MIN_POINTS
+from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction, normalise
+from ..adjustment.solution import MIN_POINTS, outermost_angles
 from ..tracking.photo_matching import Photo
 from ..tracking.tracks import Progress
 from .keyframes import START_FOCAL, mapped, mapper_options, new_camera, verify, write_database

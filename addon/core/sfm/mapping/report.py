@@ -10,8 +10,9 @@ import numpy as np
 from ...base.arrays import Floats, Ints
 from ...base.counting import common_step, ranges
 from ...base.errors import Remedy, Words, with_words
-from ...camera.reconstruction import Reconstruction, outermost_angles
+from ...camera.reconstruction import Reconstruction
 from ...media.clip import describe
+from ..adjustment.solution import outermost_angles
 
 STAYS = "turning"
 """The method of a solve whose camera stays in its place: depth is that of maps, or estimated."""
