@@ -11,8 +11,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.frame.plan import FramePlan
 from addon.core.frame.warped_frame import WarpedFrame
-from addon.core.optics.aperture_sampling import vogel_disc
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import exact_registration, vogel_disc
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.disocclusion_fill import HiddenColours
 from addon.core.warp.layered_depth_image import Fill, LayeredDepthImage

@@ -11,7 +11,7 @@ import numpy as np
 
 from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
-from addon.core.depth.sparse_depth import SparseDepth
+from addon.core.depth.source import SparseDepth
 from addon.core.depth.user_depth import UserDepth
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.frame_path import mesh_frame

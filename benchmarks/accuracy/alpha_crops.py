@@ -20,10 +20,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.depth.matte import outline_of
+from addon.core.depth.matte import matte, outline_of
 from addon.core.depth.source import FAINTEST
 from addon.core.media.light import encode_srgb, to_linear
-from addon.core.subjects.matte import matte
 from addon.core.subjects.pictures import LONG_SIDE
 from addon.core.warp.layered_depth_image import Fill, split
 

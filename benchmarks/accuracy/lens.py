@@ -31,10 +31,9 @@ from addon.core.frame.vignetting import LEAST_LEFT
 from addon.core.media.clip import open_footage
 from addon.core.media.light import encode_srgb
 from addon.core.optics.aperture import Aperture
-from addon.core.optics.aperture_sampling import vogel_disc
+from addon.core.optics.aperture_sampling import exact_registration, vogel_disc
 from addon.core.optics.bokeh import bokeh_picture
 from addon.core.optics.breathing import enlargement
-from addon.core.optics.registration import exact_registration
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
 from addon.render.views import gpu_views

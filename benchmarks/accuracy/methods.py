@@ -22,8 +22,7 @@ from addon.core.frame.plan import FrameOptions, FramePlan
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL, Quality
 from addon.core.frame.vignetting import LEAST_LEFT
 from addon.core.frame.warped_frame import WarpedFrame
-from addon.core.optics.aperture_sampling import vogel_disc
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import exact_registration, vogel_disc
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.mesh import WarpMesh
 from addon.render.views.average import draw_mean, render_frame

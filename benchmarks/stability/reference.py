@@ -13,7 +13,7 @@ from addon.core.base.arrays import Floats, LinearRGBA
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.frame.plan import FramePlan
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import exact_registration
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.mesh import WarpMesh
 

@@ -15,7 +15,7 @@ from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.meshers.thesis import fitted_registration
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import exact_registration
 from addon.render.views.average import draw_mean, render_frame
 
 from ..accuracy.metrics import psnr

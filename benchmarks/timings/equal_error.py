@@ -16,8 +16,7 @@ import numpy as np
 
 from addon.core.base.arrays import Floats
 from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
-from addon.core.optics.aperture_sampling import random_disc, vogel_disc
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import exact_registration, random_disc, vogel_disc
 
 from ..accuracy.methods import thin_lens
 from ..accuracy.metrics import psnr

@@ -23,8 +23,7 @@ import numpy as np
 
 from addon.core.base.arrays import Floats, LinearRGBA
 from addon.core.frame.warped_frame import MeshedFrame
-from addon.core.optics.aperture_sampling import centroidal_disc, random_disc, vogel_disc
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import centroidal_disc, exact_registration, random_disc, vogel_disc
 from addon.core.warp.footprint import prefilter
 
 from .. import store

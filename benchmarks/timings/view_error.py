@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
-from addon.core.optics.aperture_sampling import vogel_disc
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import exact_registration, vogel_disc
 from addon.render.views.average import draw_mean
 
 from .. import store

@@ -12,7 +12,7 @@ import pytest
 from addon.core.base.errors import Remedy, UserError
 from addon.core.base.folder_lock import NAME, FolderLock
 from addon.core.sfm.process import SolveProcess
-from addon.core.sfm.staging import Staging
+from addon.core.sfm.state import Staging
 
 from .. import planes
 

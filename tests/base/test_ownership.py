@@ -15,14 +15,14 @@ from addon.core.base import atomic, folder_lock
 from addon.core.base.errors import UserError
 from addon.core.base.file_lock import is_abandoned
 from addon.core.base.processes import UNKNOWN, is_gone, process_table
-from addon.core.sfm.staging import recover
+from addon.core.sfm.state import recover
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = """
 import sys, pathlib
 sys.path.insert(0, sys.argv[1])
 from addon.core.base import atomic, folder_lock
-from addon.core.sfm.staging import Staging
+from addon.core.sfm.state import Staging
 home = pathlib.Path(sys.argv[2])
 staging = Staging(home / "work")
 (staging.folder / "tracks").touch()
@@ -38,7 +38,7 @@ COLLECT = """
 import sys, pathlib
 sys.path.insert(0, sys.argv[1])
 from addon.core.base import atomic, folder_lock
-from addon.core.sfm.staging import recover
+from addon.core.sfm.state import recover
 home = pathlib.Path(sys.argv[2])
 recover(home / "work")
 atomic.collect_orphans(home)

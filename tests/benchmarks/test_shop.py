@@ -10,7 +10,7 @@ import pytest
 
 from addon.core.camera.canvas import Canvas
 from addon.core.media.light import encode_srgb, to_linear
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import exact_registration
 from benchmarks.accuracy import metrics
 from benchmarks.accuracy.shop import FOCUS, MARGIN, Shop, _shifted
 

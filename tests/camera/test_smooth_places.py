@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from addon.core.base.arrays import Floats
-from addon.core.camera.canvas import Canvas
+from addon.core.camera.canvas import NODES, Canvas, SmoothPlaces
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.camera.smooth_places import NODES, SmoothPlaces
 from tests.lenses import TERMS, lens_of
 
 SIZE = (160, 120)

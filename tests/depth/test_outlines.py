@@ -8,9 +8,8 @@ import pytest
 
 from addon.core.base.arrays import Map, Mask
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.joint_upsampling import upsampled
 from addon.core.depth.multi_view_stereo import DenseDepth
-from addon.core.depth.stereo_depth import whole_depth
+from addon.core.depth.stereo_depth import upsampled, whole_depth
 
 from ..scenes import texture
 

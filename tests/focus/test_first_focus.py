@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.focus.first_focus import first_place
+from addon.core.focus.place import first_place
 
 LENS = Intrinsics(320, 180, 280.0, 280.0, 160.0, 90.0)
 RNG = np.random.default_rng(2)

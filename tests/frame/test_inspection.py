@@ -29,8 +29,8 @@ from addon.core.frame.report import Used, frame_report, summary
 from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.light import to_linear, to_rgb8
 from addon.core.warp.layered_depth_image import Fill
+from addon.core.warp.mesh import at_pixels
 from addon.core.warp.quadtree import triangulate
-from addon.core.warp.rasterise import at_pixels
 from addon.render.views.average import draw_shares
 
 from ..disc_and_wall import (

@@ -18,7 +18,7 @@ from addon.core.depth.user_maps import open_depth
 from addon.core.media.clip import open_footage
 from addon.core.media.find_clip import clip_exists
 from addon.core.media.masks import open_masks
-from addon.core.sfm.staging import Staging
+from addon.core.sfm.state import Staging
 from addon.core.sfm.workspace import load_solve
 from addon.render.output import output
 from addon.scene.build import build

@@ -25,7 +25,7 @@ from addon.core.media.copying import copy_file
 from addon.core.media.find_clip import is_clip
 from addon.core.readers.colmap_export import write_model
 from addon.core.sfm.process import SolveProcess
-from addon.core.sfm.staging import Staging
+from addon.core.sfm.state import Staging
 from addon.core.sfm.workspace import check_replaceable, is_solved, load_solve
 from addon.render import engine
 from addon.render.output import frame_files, output

@@ -21,7 +21,7 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import MeshedFrame
 from addon.core.media.light import encode_srgb
 from addon.core.optics.aperture import Aperture, ApertureImage
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import exact_registration
 from addon.render.views.average import draw_mean
 from addon.render.views.gpu_views import gpu_problem
 from sample_scenes import cycles_views

@@ -20,8 +20,7 @@ from addon.core.camera.reconstruction import (
     rotation_matrix,
 )
 from addon.core.media.clip import open_footage
-from addon.core.sfm.mapping.known_cameras import thinned
-from addon.core.sfm.mapping.known_poses import triangulate
+from addon.core.sfm.mapping.known_poses import thinned, triangulate
 from addon.core.sfm.tracking.tracks import Tracks, track_features
 
 from .. import camera_files as files

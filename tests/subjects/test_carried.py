@@ -13,12 +13,12 @@ import pytest
 from addon.core.base.store import Store
 from addon.core.frame.clip_context import no_picture
 from addon.core.subjects.carried import CarriedSubject, PeopleOfClip
-from addon.core.subjects.distance import SubjectDistance
 from addon.core.subjects.flow import change_of_size
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.odds import Box, motion, overlap
 from addon.core.subjects.people import people
 from addon.core.subjects.pictures import ClipPictures, small
+from addon.core.subjects.standing import SubjectDistance
 from addon.core.subjects.strokes import Stroke
 
 from .figures import figure

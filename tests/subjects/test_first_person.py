@@ -20,9 +20,8 @@ from addon.core.frame.nearest_person import _weights, nearest_person
 from addon.core.media.clip import open_footage
 from addon.core.subjects.clip_subjects import PEOPLE, ClipSubject, ClipSubjects
 from addon.core.subjects.cut import Cut
-from addon.core.subjects.faces import face_of
 from addon.core.subjects.networks import Detection, Networks
-from addon.core.subjects.people import people
+from addon.core.subjects.people import face_of, people
 from addon.core.subjects.pictures import displayed, small
 from addon.core.subjects.strokes import MarkedSubject, Stroke, down, nearest_to
 

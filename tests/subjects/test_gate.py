@@ -16,9 +16,8 @@ from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.frame.clip_context import no_picture
 from addon.core.subjects import gate
-from addon.core.subjects.clip_subjects import OBJECTS, ClipSubjects
+from addon.core.subjects.clip_subjects import OBJECTS, ClipSubjects, ObjectsOfClip
 from addon.core.subjects.networks import Networks
-from addon.core.subjects.objects import ObjectsOfClip
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 
 from . import walls

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import Floats, LinearRGB, Map, Mask
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.joint_upsampling import upsampled
+from addon.core.depth.stereo_depth import upsampled
 from addon.core.frame.plan import FramePlan
-from addon.core.optics.aperture_sampling import vogel_disc
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import exact_registration, vogel_disc
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp import layered_mesh
 from addon.core.warp.layered_depth_image import LayeredDepthImage, depth_peel, inpainted, split

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.camera.intrinsics import Intrinsics
-from addon.core.warp.lens_table import pixels
+from addon.core.warp.source_view import pixels
 
 SHUTTER = {"turn": (0.01, -0.02, 0.015), "largest_turn": 0.03, "readout": (0.0, 0.7)}
 CAMERAS = {

@@ -17,8 +17,7 @@ from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.source import FAINTEST, NO_PICTURE, PixelDepth
 from addon.core.depth.stereo_depth import StereoDepth
 from addon.core.frame.plan import FramePlan
-from addon.core.optics.aperture_sampling import vogel_disc
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import exact_registration, vogel_disc
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.disocclusion_fill import HiddenColours
 from addon.core.warp.layered_depth_image import split

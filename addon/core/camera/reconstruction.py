@@ -187,9 +187,7 @@ class Reconstruction:
         """Frames (k,) whose pose is finite, and as `turn_at` (k, 3)."""
         known = [image for image in self.images if np.all(np.isfinite(image.rotation))]
         frames = np.array([image.frame for image in known], dtype=np.int32)
-        if not known:
-            return frames, np.zeros((0, 3))
-        return frames, turning_speeds(np.array([image.rotation for image in known]), frames)
+        return frames, turning_speeds(np.array([image.rotation for image in known]).reshape(-1, 3, 3), frames)
 
     def image_at(self, frame: int) -> tuple[Image, bool]:
         """Return the image of a frame, and whether its pose is interpolated between those of its neighbours.
@@ -211,12 +209,10 @@ class Reconstruction:
                 " it out, or add photos from places in between"
             )
         before, after = self.images[max(at - 1, 0)], self.images[min(at, len(self.images) - 1)]
-        span = after.frame - before.frame
-        return self._between(before, after, frame, (frame - before.frame) / span if span else 0.0), True
-
-    def _between(self, before: Image, after: Image, frame: int, share: float) -> Image:
         _check_pose(before)
         _check_pose(after)
+        span = after.frame - before.frame
+        share = (frame - before.frame) / span if span else 0.0
         turn = rotation_vector(after.rotation @ before.rotation.T)
         rotation = rotation_matrix(share * turn) @ before.rotation
         centre = (1 - share) * before.centre + share * after.centre
@@ -226,7 +222,7 @@ class Reconstruction:
         camera = self.intrinsics(between)
         xy = camera.project(local)
         inside = (local[:, 2] > 0) & np.all((xy >= 0) & (xy <= [camera.width, camera.height]), axis=1)
-        return replace(between, xy=xy[inside], points=seen[inside])
+        return replace(between, xy=xy[inside], points=seen[inside]), True
 
 
 def _check_pose(image: Image) -> None:
@@ -235,16 +231,6 @@ def _check_pose(image: Image) -> None:
             f"the camera of frame {image.frame} has an invalid position or rotation; solve the clip again,"
             " or remove the frame from the reconstruction"
         )
-
-
-def outermost_angles(rays: Floats, point: Ints, count: int) -> Floats:
-    """Return degrees (count,) between the outermost unit rays (m, 3) to points (m,); NaN without a ray."""
-    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    np.minimum.at(low, point, rays)
-    np.maximum.at(high, point, rays)
-    with np.errstate(invalid="ignore"):
-        angle = np.degrees(np.linalg.norm(high - low, axis=1))
-    return np.asarray(np.where(np.isfinite(angle), angle, np.nan))
 
 
 def turning_speeds(rotation: Floats, frames: Ints) -> Floats:
@@ -260,7 +246,8 @@ def turning_speeds(rotation: Floats, frames: Ints) -> Floats:
     before, after = np.maximum(each - 1, 0), np.minimum(each + 1, len(each) - 1)
     gap = np.maximum(frames[after] - frames[before], 1)
     steps = rotation[after] @ np.swapaxes(rotation[before], 1, 2)
-    return np.asarray(np.array([rotation_vector(step) for step in steps]) / gap[:, None])
+    vectors = np.array([rotation_vector(step) for step in steps])
+    return np.asarray(vectors.reshape(-1, 3) / gap[:, None])
 
 
 def nearest_rotation(matrix: Floats) -> Floats:

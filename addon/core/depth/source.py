@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..camera.canvas import Canvas
-from .sparse import DepthSamples
+from ..camera.reconstruction import Reconstruction
+from .sparse import DepthSamples, FrameFeatures, frame_features
 
 SURE = 0.1
 """Confidence in [0, 1] from which on a pixel's depth is known: chosen by inspection."""
@@ -126,3 +127,17 @@ class FirstKnown(DepthSource):
         """Return the samples of the first source that has any, else None."""
         found = (source.samples(frame, canvas) for source in self.sources)
         return next((samples for samples in found if samples is not None), None)
+
+
+@dataclass(frozen=True)
+class SparseDepth(DepthSource):
+    """Samples for coarse meshes from feature points; pixels between them are unknown."""
+
+    reconstruction: Reconstruction
+
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> None:
+        """Return None: pixels are unknown."""
+
+    def samples(self, frame: int, canvas: Canvas) -> FrameFeatures:
+        """Return the frame's feature points."""
+        return frame_features(self.reconstruction, frame, canvas)

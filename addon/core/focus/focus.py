@@ -155,22 +155,26 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
     (single points farther away are mostly wrong). With the background itself in focus, the nearest
     foreground takes its place. UserError where there is nothing to blur.
     """
-    if not (np.isfinite(blur) and blur > 0):
+    canvas = reconstruction.canvas(frame)
+    # First: where nothing is in focus a million points need not be looked at.
+    lens = focus.lens(reconstruction, frame, canvas.pinhole, 1.0)
+    features = frame_features(reconstruction, frame, canvas)
+    if not len(features.points):
         raise UserError(
-            f"the blur is {blur:g}; it must be greater than zero (0.03 is 3 % of the image width)"
+            f"frame {frame} has no usable feature points to measure blur by; pick the focus in another"
+            " frame, set the aperture radius, or solve the clip again"
         )
-    return blur / _blur_of_unit_radius(reconstruction, focus, frame)
-
-
-def blur_for_radius(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> float:
-    """Return the blur disc, in image widths, of an aperture radius in scene units.
-
-    It is the inverse of `radius_for_blur`.
-
-    Raises:
-        UserError: There is nothing to blur.
-    """
-    return radius * _blur_of_unit_radius(reconstruction, focus, frame)
+    inverse = lens.focus
+    far, near = np.percentile(lens.rectified(features.inverse_depth, features.observed), [2, 98])
+    contrast = inverse - far
+    if contrast < 0.25 * (near - inverse):
+        contrast = near - inverse
+    if contrast <= 1e-6 * inverse:
+        raise UserError(
+            "everything in the picture lies in the focal plane, so there is nothing to blur; focus"
+            " elsewhere or set the aperture radius"
+        )
+    return blur / float(2 * canvas.camera.fx * contrast / canvas.camera.width)
 
 
 def largest_discs(
@@ -201,26 +205,3 @@ def sharp_distances(
     image, _ = reconstruction.image_at(frame)
     plain = reconstruction.intrinsics(image).without_distortion()
     return replace(focus.lens(reconstruction, frame, plain, radius), zone=zone).sharp_distances
-
-
-def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
-    canvas = reconstruction.canvas(frame)
-    # First: where nothing is in focus a million points need not be looked at.
-    lens = focus.lens(reconstruction, frame, canvas.pinhole, 1.0)
-    features = frame_features(reconstruction, frame, canvas)
-    if not len(features.points):
-        raise UserError(
-            f"frame {frame} has no usable feature points to measure blur by; pick the focus in another"
-            " frame, set the aperture radius, or solve the clip again"
-        )
-    inverse = lens.focus
-    far, near = np.percentile(lens.rectified(features.inverse_depth, features.observed), [2, 98])
-    contrast = inverse - far
-    if contrast < 0.25 * (near - inverse):
-        contrast = near - inverse
-    if contrast <= 1e-6 * inverse:
-        raise UserError(
-            "everything in the picture lies in the focal plane, so there is nothing to blur; focus"
-            " elsewhere or set the aperture radius"
-        )
-    return float(2 * canvas.camera.fx * contrast / canvas.camera.width)

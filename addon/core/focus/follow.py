@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Bytes, Floats
+from ..base.arrays import Floats
 from ..base.progress import checkpoint
 from ..camera.reconstruction import Reconstruction
 from ..depth.source import NO_PICTURE, DepthSource
@@ -86,12 +86,12 @@ def follow(
 def _one_way(clip: _Clip, way: Sequence[int], start: Floats, start_depth: float) -> dict[int, float]:
     """Inverse depths by frame of pixels (n, 2) in a way's first frame, as far as they are followed."""
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    points, before, seen_at = start, _grey(clip, way[0]), list[tuple[int, int, float]]()
+    points, before, seen_at = start, to_gray8(clip.read(way[0]), LONG_SIDE), list[tuple[int, int, float]]()
     step: Floats | None = None
     hidden = 0
     for number, frame in enumerate(way[1:], 1):
         checkpoint()
-        now = _grey(clip, frame)
+        now = to_gray8(clip.read(frame), LONG_SIDE)
         there, back = flow.calc(before, now, None), flow.calc(now, before, None)
         seen = _step(there, back, points)
         if seen is not None and _goes_on(seen, step):
@@ -191,14 +191,6 @@ def _seen(clip: _Clip, frame: int, points: Floats) -> tuple[Floats, NDArray[np.b
     places = canvas.features_from_source(points / _zoom(camera.width, camera.height))
     inverse, _, moving = depth.at_places(places, canvas)
     return inverse, moving & (inverse > 0)
-
-
-def _grey(clip: _Clip, frame: int) -> Bytes:
-    """(h, w) a frame, small."""
-    picture = to_gray8(clip.read(frame))
-    zoom = _zoom(picture.shape[1], picture.shape[0])
-    size = max(round(picture.shape[1] * zoom), 1), max(round(picture.shape[0] * zoom), 1)
-    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
 
 
 def _zoom(width: int, height: int) -> float:

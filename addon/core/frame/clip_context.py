@@ -20,9 +20,8 @@ from ..camera.steady_path import SteadyPath, steady_path
 from ..depth.flat_scene import EstimatedDepth
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving, PlaneSweepStereo
-from ..depth.source import FAINTEST, SURE, DepthSource, FirstKnown, PixelDepth
+from ..depth.source import FAINTEST, SURE, DepthSource, FirstKnown, PixelDepth, SparseDepth
 from ..depth.sparse import DepthSamples
-from ..depth.sparse_depth import SparseDepth
 from ..depth.stereo_depth import NoDepth, StereoDepth
 from ..depth.temporal_fusion import TemporalFusion
 from ..focus.place import Place, PlaceFinder

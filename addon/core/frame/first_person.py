@@ -7,9 +7,8 @@ import numpy as np
 from ..base.arrays import Mask
 from ..depth.flat_scene import ADULT
 from ..focus.place import Place
-from ..subjects.faces import face_of
 from ..subjects.networks import Networks
-from ..subjects.people import SMALLEST, sampled
+from ..subjects.people import SMALLEST, face_of, sampled
 from ..subjects.pictures import displayed
 from .clip_context import ClipContext
 

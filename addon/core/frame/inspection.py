@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats, LinearRGBA, Mask
 from ..camera.canvas import Canvas
 from ..media.light import to_rgb8
-from ..optics.aperture_sampling import vogel_disc
-from ..optics.registration import exact_registration
+from ..optics.aperture_sampling import exact_registration, vogel_disc
 from ..warp.layered_mesh import FINER
-from ..warp.mesh import WarpMesh
-from ..warp.rasterise import at_pixels
+from ..warp.mesh import WarpMesh, at_pixels
 from .warped_frame import WarpedFrame
 
 Shown = NDArray[np.uint8]

@@ -16,18 +16,17 @@ from ..base.store import NOT_KEPT, Store
 from ..camera.reconstruction import Reconstruction
 from ..depth.flat_scene import FlatScene, Outline, flat_scene, outline
 from ..depth.matching import Matcher, winning_levels
+from ..depth.matte import matte
 from ..depth.multi_view_stereo import Moving
 from ..depth.source import FAINTEST
 from ..depth.subject_depth import Subject
 from ..media.fixed_area import Fixed, nothing_fixed
 from ..media.picture_file import Pixels
 from ..subjects.clip_subjects import ClipSubject, ClipSubjects, united
-from ..subjects.distance import SubjectDistance
 from ..subjects.masked_objects import MaskedObjects
-from ..subjects.matte import matte
 from ..subjects.people import sampled
 from ..subjects.pictures import displayed
-from ..subjects.standing import Standing
+from ..subjects.standing import Standing, SubjectDistance
 from ..subjects.static_depth import StaticDepth
 from ..subjects.strokes import MarkedSubject
 

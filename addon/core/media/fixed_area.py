@@ -154,16 +154,14 @@ def _found(read: Callable[[int], Pixels], frames: Sequence[int]) -> Mask:
     mask = np.ones((height, width), bool)
     if len(pictures) < 4 or any(picture.shape[:2] != (height, width) for picture in pictures):
         return ~mask
-    zoom = min(1.0, LONG_SIDE / max(height, width))
-    size = max(round(width * zoom), 1), max(round(height * zoom), 1)
-    luma = np.stack([cv2.resize(to_gray8(each), size, interpolation=cv2.INTER_AREA) for each in pictures])
+    luma = np.stack([to_gray8(each, LONG_SIDE) for each in pictures])
     # In a short clip little changes, and every frame counts.
     odd = len(luma) // SAMPLED
     ordered = np.partition(luma, (odd, len(luma) - 1 - odd), axis=0)
     change = cv2.subtract(ordered[-1 - odd], ordered[odd])
     top, right, bottom, left = _bars(pictures, bool(np.mean(change > CHANGED) > MOVES / 2))
     mask[top : height - bottom, left : width - right] = False
-    bars = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    bars = cv2.resize(mask.astype(np.uint8), luma[0].shape[::-1], interpolation=cv2.INTER_NEAREST)
     logos = cv2.resize(_logos(luma, change, bars), (width, height), interpolation=cv2.INTER_NEAREST)
     return np.asarray(mask | (logos > 0))
 

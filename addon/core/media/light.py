@@ -77,9 +77,15 @@ def to_rgb8(picture: Pixels) -> NDArray[np.uint8]:
     return np.ascontiguousarray(picture[..., :3], dtype=np.uint8)
 
 
-def to_gray8(picture: Pixels) -> NDArray[np.uint8]:
-    """Convert a stored picture (H, W, 3 or 4) to 8 bits of display-encoded luma (H, W), as `to_rgb8` does."""
-    return np.asarray(cv2.cvtColor(to_rgb8(picture), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+def to_gray8(picture: Pixels, long_side: float = np.inf) -> NDArray[np.uint8]:
+    """Convert a stored picture (H, W, 3 or 4) to 8 bits of display-encoded luma (h, w), as `to_rgb8` does.
+
+    A larger picture is reduced to a longer side of `long_side` pixels.
+    """
+    gray = cv2.cvtColor(to_rgb8(picture), cv2.COLOR_RGB2GRAY)
+    zoom = min(1.0, long_side / max(gray.shape))
+    size = [max(round(side * zoom), 1) for side in gray.shape[::-1]]
+    return np.asarray(gray if zoom == 1 else cv2.resize(gray, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.floating]:

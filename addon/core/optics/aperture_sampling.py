@@ -1,4 +1,4 @@
-"""Positions of the virtual cameras on the virtual aperture, and how many are needed."""
+"""Positions of the virtual cameras on the virtual aperture, how many are needed, and their registration."""
 
 from functools import lru_cache
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from ..base.arrays import Floats
 from ..base.errors import UserError
+from ..camera.canvas import Canvas
 
 MIN_VIEWS, MAX_VIEWS = 16, 512
 """Bounds of the automatic number of views: fewer show as copies of highlights, more look alike. Chosen by
@@ -115,3 +116,15 @@ def check_count(count: int) -> None:
     """Check a number of positions; UserError if it is out of range."""
     if count < 1:
         raise UserError(f"the number of views is {count}; it must be at least 1")
+
+
+def exact_registration(canvas: Canvas, offsets: Floats, inverse_depth: float) -> Floats:
+    """Return the shears (N, 2, 3) that bring a plane of an inverse depth into register for offsets (N, 2).
+
+    A point moves by -f (dx, dy) / z when the camera moves by (dx, dy) in scene units; the shear adds the
+    focal plane's motion back, which in Blender is `shift_x`, `shift_y`.
+    """
+    registration = np.zeros((len(offsets), 2, 3))
+    registration[:, 0, 0] = registration[:, 1, 1] = 1.0
+    registration[:, :, 2] = canvas.pinhole.focal * offsets * inverse_depth
+    return registration

@@ -21,10 +21,9 @@ from ..media.clip_identity import identity
 from ..media.video import video_info
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
-from .mapping.known_cameras import thinned
+from .mapping.known_poses import thinned
 from .mapping.report import STAYS
-from .staging import Staging
-from .state import MODEL
+from .state import MODEL, Staging
 from .tracking.tracker_pictures import Sight, decoded
 from .workspace import check_import, check_replaceable, imported_from, is_solved
 

@@ -106,9 +106,26 @@ def _solve(job: dict[str, Any]) -> None:
         job["footage"], job["frames"], VideoInfo.parse(job["video"]), job["stills"],
         pixel_aspect=job["pixel_aspect"],
     )  # fmt: skip
-    solved = _solve_photos if footage.is_stills and job["cameras"] is None else _solve_clip
-    report = solved(footage, job, folder)
-    report |= {
+    is_clip = not footage.is_stills or job["cameras"] is not None
+    if is_clip:
+        check_shape(footage)
+        if job["fixed"]:
+            footage = replace(footage, fixed=fixed_area(footage.read, footage.frames))
+    found = _solve_clip(footage, job, folder) if is_clip else _solve_photos(footage, job)
+    result, model, said = found.reconstruction, folder / "model", found.said
+    model.mkdir()
+    write_model(model, result)
+    if is_clip:
+        visible = visible_points(result, footage, progress=_progress)
+        keep_visible(model, visible)
+        said = {"visible": [len(each) for each in visible.values()], **said}
+    report = {
+        "registered": len(result.images),
+        "points": len(result.points),
+        "reprojection_error": float(result.points.error.mean()),
+        "focal": result.cameras[0].fx,
+        **said,
+        "notes": [*footage.notes, *said["notes"]],
         "frames": len(footage.frames),
         "stills": footage.is_stills,
         "fps": footage.fps,
@@ -118,8 +135,16 @@ def _solve(job: dict[str, Any]) -> None:
     (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
 
 
-def _solve_photos(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Solve unordered photos into the folder; returns the report's figures."""
+@dataclass(frozen=True)
+class _Found:
+    """Cameras and points of a clip, and the report's figures."""
+
+    reconstruction: Reconstruction
+    said: dict[str, Any]
+
+
+def _solve_photos(footage: Footage, job: dict[str, Any]) -> _Found:
+    """Cameras and points of unordered photos."""
     from .mapping.photo_mapping import place_photos
 
     given, first = job["lens"]["focal"], max(footage.width, footage.height)
@@ -132,32 +157,24 @@ def _solve_photos(footage: Footage, job: dict[str, Any], folder: Path) -> dict[s
         return _photo_focal(footage.file(photo.frame), photo.width, photo.height)
 
     said = any(focal(photo) for photo in photos)
-    placed = place_photos(photos, match_all(photos, _progress), focal, bool(given), _progress)
-    result = placed.reconstruction
-    (folder / "model").mkdir()
-    write_model(folder / "model", result)
+    matches = match_all(photos, _progress)
+    result, is_calibrated = place_photos(photos, matches, focal, bool(given), _progress)
     there = set(result.frames.tolist())
     lost = [photo.name for photo in photos if photo.frame not in there]
     notes = [f"{len(lost)} photos could not be matched with the others: {', '.join(lost)}"] if lost else []
-    return {
-        "registered": len(result.images),
-        "points": len(result.points),
-        "reprojection_error": float(result.points.error.mean()),
-        "focal": result.cameras[0].fx,
+    figures = {
         "focal_sigma": None,
-        "focal_held": not placed.is_calibrated,
-        "focal_from": _focal_source(job["lens"], said, placed.is_calibrated),
+        "focal_held": not is_calibrated,
+        "focal_from": _focal_source(job["lens"], said, is_calibrated),
         "method": "stills",
         "tracker": "sift",
-        "notes": [*footage.notes, *notes],
+        "notes": notes,
     }
+    return _Found(result, figures)
 
 
-def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Solve a clip into the folder; returns the report's figures."""
-    check_shape(footage)
-    if job["fixed"]:
-        footage = replace(footage, fixed=fixed_area(footage.read, footage.frames))
+def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> _Found:
+    """Cameras and points of a clip."""
     tracker, tracks = "harris", _of_scene(track_features(footage, _progress, Watch(send)), footage)
     if (jumps := cuts(tracks)) and (job["cameras"] or are_bridged(footage, jumps)):
         # Known cameras connect shots. A fast motion of the camera loses corners, but not keypoints.
@@ -165,35 +182,13 @@ def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str
     if job["cameras"] is None:
         refuse_cuts(tracks)
     found = _held(job, tracks, folder) if job["cameras"] else _solved(job, footage, tracks)
-    result = found.reconstruction
-    (folder / "model").mkdir()
-    write_model(folder / "model", result)
-    visible = visible_points(result, footage, progress=_progress)
-    keep_visible(folder / "model", visible)
-    return {
-        "registered": len(result.images),
-        "points": len(result.points),
-        "visible": [len(each) for each in visible.values()],
-        "reprojection_error": float(result.points.error.mean()),
-        "focal": result.cameras[0].fx,
-        "tracker": tracker,
-        **found.said,
-        "notes": [*footage.notes, *found.said["notes"]],
-    }
+    return replace(found, said={"tracker": tracker, **found.said})
 
 
 def _of_scene(tracks: Tracks, footage: Footage) -> Tracks:
     """The tracks outside of the fixed pixels."""
     fixed = footage.fixed
     return tracks if fixed is None else outside(tracks, lambda _: fixed.covered)
-
-
-@dataclass(frozen=True)
-class _Found:
-    """Cameras and points of a clip, and the report's figures."""
-
-    reconstruction: Reconstruction
-    said: dict[str, Any]
 
 
 def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:

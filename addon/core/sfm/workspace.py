@@ -28,8 +28,16 @@ from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
 from .mapping.report import Report, report
-from .staging import Staging, recover
-from .state import MODEL, STATE, UnusableStateError, check_model, read_state, recorded_places
+from .state import (
+    MODEL,
+    STATE,
+    Staging,
+    UnusableStateError,
+    check_model,
+    read_state,
+    recorded_places,
+    recover,
+)
 
 VISIBLE = "visible.npz"
 """Frames and points that are visible, but not tracked, beside the model."""

@@ -10,7 +10,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from ..base.arrays import Bytes, Mask
+from ..base.arrays import Bytes, Floats, Mask
 from ..base.lru_cache import LRUCache
 from ..base.store import NOT_KEPT, Arrays, Entry, Store
 from ..camera.reconstruction import Reconstruction
@@ -18,11 +18,9 @@ from ..media.fixed_area import Fixed, nothing_fixed
 from ..media.picture_file import Pixels
 from .carried import SAME_PERSON, CarriedSubject, PeopleOfClip, Track, neighbours
 from .cut import Cut
-from .faces import face_of
-from .gate import moving_tracks
+from .gate import MovingTracks, moves, moving_tracks
 from .networks import Networks
-from .objects import ObjectsOfClip
-from .people import overlap_of, sampled
+from .people import face_of, overlap_of, sampled
 from .pictures import ClipPictures, displayed
 from .strokes import MarkedSubject, Stroke
 
@@ -32,6 +30,8 @@ OBJECTS = "moving-objects"
 """Name of the kept file of the strokes that mark other moving objects."""
 KEPT_SUBJECTS = 12
 """Marked subjects that are remembered: a clip's, and those before the last strokes."""
+MOST_OBJECTS = 4
+"""Objects that are followed, each at the cost of a person."""
 
 
 @dataclass(frozen=True)
@@ -223,3 +223,44 @@ def united(masks: Sequence[Mask]) -> Mask:
     size = largest.shape[::-1]
     larger = (cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0 for mask in masks)
     return np.asarray(np.logical_or.reduce(list(larger)))
+
+
+@dataclass(frozen=True)
+class ObjectsOfClip:
+    """The moving objects of a clip.
+
+    Each is a group of neighbouring tracks that contradict a still scene, carried like a subject that the user
+    marks from the frame in which the group is largest. Groups that are on it in other frames are the same
+    object. Errors as of `ClipPictures.picture`.
+    """
+
+    tracks: Sequence[MovingTracks]
+    """Tracks of moving objects in sampled frames, ascending."""
+    carried: Callable[[tuple[Stroke, ...]], CarriedSubject]
+    """Returns the subject that strokes mark."""
+    people: Callable[[int], Mask]
+    """Returns the people (h, w) in a frame, which are not objects."""
+
+    def subjects(self) -> list[CarriedSubject]:
+        """Return each object; none where the clip has no moving objects for sure."""
+        if not moves(self.tracks):
+            return []
+        waiting = [(each.frame, group) for each in self.tracks for group in each.groups()]
+        waiting = [each for each in waiting if _covered(self.people(each[0]), each[1]) < SAME_PERSON]
+        found = list[CarriedSubject]()
+        while waiting and len(found) < MOST_OBJECTS:
+            first = waiting.pop(max(range(len(waiting)), key=lambda number: len(waiting[number][1])))
+            frame, places = first
+            subject = self.carried(tuple(Stroke(frame, ((x, y),)) for x, y in places.tolist()))
+            others = [each for each in waiting if _covered(subject.mask(each[0]), each[1]) < SAME_PERSON]
+            if len(others) < len(waiting):
+                found.append(subject)
+            waiting = others
+        return found
+
+
+def _covered(mask: Mask, places: Floats) -> float:
+    """The share of places (n, 2), shares of the picture, that are on a mask (h, w)."""
+    height, width = mask.shape
+    column, row = np.floor(places * (width, height)).astype(int).T
+    return float(mask[row.clip(0, height - 1), column.clip(0, width - 1)].mean())

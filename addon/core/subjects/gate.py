@@ -132,10 +132,8 @@ def _small(
     """A reduced, still distorted frame in grey levels (h, w), with the camera of this size."""
     checkpoint()
     camera = reconstruction.intrinsics(image)
-    zoom = min(1.0, LONG_SIDE / max(camera.width, camera.height))
-    size = max(round(camera.width * zoom), 1), max(round(camera.height * zoom), 1)
-    grey = cv2.resize(to_gray8(read(image.frame)), size, interpolation=cv2.INTER_AREA)
-    return np.asarray(grey), camera.scaled(*size)
+    grey = to_gray8(read(image.frame), LONG_SIDE)
+    return grey, camera.scaled(grey.shape[1], grey.shape[0])
 
 
 def followed(pictures: Sequence[Bytes], here: int) -> Map:

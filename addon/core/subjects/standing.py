@@ -1,15 +1,22 @@
-"""Distances of a clip's subjects by their contact with the ground."""
+"""Distance of a clip's subjects: by their contact with the ground, and through the clip by their size."""
+
+from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Map, Mask
 from ..base.progress import checkpoint
+from ..base.store import NOT_KEPT, Store, numbers
 from ..depth.ground_contact import HIDDEN, NEARER, Plane, beside, contact, ground_below, upright
 from ..depth.view_selection import relative_pose
+from .cut import LEAST
+from .flow import change_of_size
+from .pictures import ClipPictures
 from .static_depth import StaticDepth
 
 GROWN = 7
@@ -34,6 +41,10 @@ SEEN, STEADY = 1 / 3, 0.1
 interquartile range of those heights, so that the contact counts instead of the points. In the scene oncoming
 0.44 of 60 frames and 0.9 of 16 show it, with 0.01; planes of a sofa below a cat 0.25, with 0.18, and stairs
 behind a man all, with 0.4: there the points are right."""
+CONTACTS = 12
+"""Frames of a clip in which the place where a subject stands is looked for."""
+HEIGHTS, SURE_DRIFT = 60, 8
+"""Frames by whose outlines the drift of sizes is estimated, at most and at least."""
 
 
 @dataclass(frozen=True)
@@ -115,17 +126,20 @@ class Standing:
 
     def _by_ground(self, masks: Mapping[int, Mask], static: Mapping[int, Map]) -> dict[int, float] | None:
         """The median inverse depth of a subject by the ground that it stands on; None without a plane."""
-        planes = {
-            frame: plane
-            for frame, mask in masks.items()
-            if (plane := self._ground(frame, mask, static[frame])) is not None
-        }
+        planes = dict[int, Plane]()
+        for frame, mask in masks.items():
+            checkpoint()
+            canvas = self.static.canvas(frame)
+            ground = ground_below(mask, static[frame], ~self._left_out(frame), canvas.pinhole)
+            if ground is not None:
+                planes[frame] = ground
         if not planes:
             return None
         found = dict[int, float]()
         for frame, mask in masks.items():
             nearest = min(planes, key=lambda other: abs(other - frame))
-            plane = self._seen_from(planes[nearest], nearest, frame)
+            there, here = (self.static.reconstruction.image_at(each)[0] for each in (nearest, frame))
+            plane = planes.get(frame) or planes[nearest].seen_from(*relative_pose(there, here))
             pinhole = self.static.canvas(frame).pinhole
             touch = None if plane is None else contact(mask, plane, pinhole)
             if plane is not None and touch is not None and (base := touch.inverse_depth(0.0, plane)) > 0:
@@ -174,16 +188,6 @@ class Standing:
         image, _ = self.static.reconstruction.image_at(frame)
         return self.static.on_canvas(image, subject(frame))
 
-    def _ground(self, frame: int, mask: Mask, static: Map) -> Plane | None:
-        """The ground around a subject (h, w) in a frame, in its camera's space."""
-        checkpoint()
-        return ground_below(mask, static, ~self._left_out(frame), self.static.canvas(frame).pinhole)
-
-    def _seen_from(self, plane: Plane, frame: int, other: int) -> Plane | None:
-        """A plane in a frame's camera space, in that of another frame."""
-        here, there = (self.static.reconstruction.image_at(each)[0] for each in (frame, other))
-        return plane if here is there else plane.seen_from(*relative_pose(here, there))
-
     def _left_out(self, frame: int) -> Mask:
         mask = self._shown(self.moving, frame).astype(np.uint8)
         return np.asarray(cv2.dilate(mask, np.ones((GROWN, GROWN), np.uint8)) > 0)
@@ -196,3 +200,82 @@ def _is_off(points: Mapping[int, float], ground: Mapping[int, float]) -> bool:
         return False
     low, middle, high = np.quantile(heights, [0.25, 0.5, 0.75])
     return bool(high - low < STEADY and not LOWEST <= middle <= HIGHEST)
+
+
+@dataclass(frozen=True)
+class SubjectDistance:
+    """Inverse depth of a subject in every frame.
+
+    An object of constant size has an inverse depth proportional to its size in the picture. Sizes come from
+    flow within the subject, frame by frame; their drift, linear in time, is corrected by the height of the
+    subject's outline. One factor for the clip is the median over the frames in which the subject is seen to
+    stand on the ground.
+    """
+
+    pictures: ClipPictures
+    mask: Callable[[int], Mask]
+    """The subject (h, w) in a frame, at the size of the pictures."""
+    standing: Callable[[Sequence[int]], Mapping[int, float]]
+    """Its inverse depth in 1 / scene units by its contact with the ground, for those frames that show it."""
+    bounds: Callable[[Sequence[int]], Mapping[int, float]] = lambda frames: {}
+    """Its least inverse depth by frame, for a subject that no frame shows to stand anywhere."""
+    store: Store = NOT_KEPT
+    """Storage of its sizes."""
+    name: str = ""
+    """Name of its sizes in the storage."""
+
+    def inverse_depth(self, frame: int) -> float | None:
+        """Return the inverse depth in 1 / scene units; None where no frame shows where the subject stands."""
+        factor = self._factor
+        return None if factor is None else float(factor * self._sizes[self.pictures.frames.index(frame)])
+
+    @cached_property
+    def _sizes(self) -> Floats:
+        """(n,) size in each frame, relative to the first."""
+        return self.store.once(numbers(self.name, len(self.pictures.frames)), self._measured_sizes)
+
+    def _measured_sizes(self) -> Floats:
+        frames, flow = self.pictures.frames, self.pictures.flow
+        changes, heights = list[float](), list[float]()
+        for number, frame in enumerate(frames):
+            checkpoint()
+            mask, scale = self.mask(frame), None
+            heights.append(_height(mask))
+            if np.count_nonzero(mask) >= LEAST and number + 1 < len(frames):
+                scale = change_of_size(flow.step(frame, 1), flow.there(frame, 1)[1], mask)
+            changes.append(np.log(scale) if scale else 0.0)
+        sizes = np.concatenate([[0.0], np.cumsum(changes[:-1])])
+        known = np.flatnonzero(np.isfinite(heights))
+        known = known[:: max(len(known) // HEIGHTS, 1)]
+        if len(known) >= SURE_DRIFT:
+            one, other = np.triu_indices(len(known), 1)
+            off = np.log(np.array(heights)[known]) - sizes[known]
+            # Theil, "A rank-invariant method of linear and polynomial regression analysis", 1950.
+            drift = np.median((off[other] - off[one]) / (known[other] - known[one]))
+            sizes = sizes + drift * np.arange(len(sizes))
+        return np.asarray(np.exp(sizes))
+
+    @cached_property
+    def _factor(self) -> float | None:
+        """Inverse depth over size."""
+        frames = self.pictures.frames
+        shown = [at for at in range(len(frames)) if np.count_nonzero(self.mask(frames[at])) >= LEAST]
+        chosen = np.linspace(0, len(shown) - 1, min(CONTACTS, len(shown)))
+        looked_at = sorted({shown[round(each)] for each in chosen})
+        found = self.standing([frames[at] for at in looked_at])
+
+        def factors(inverse: Mapping[int, float]) -> list[float]:
+            return [inverse[frames[at]] / self._sizes[at] for at in looked_at if frames[at] in inverse]
+
+        if found:
+            return float(np.median(factors(found)))
+        bounds = factors(self.bounds([frames[at] for at in looked_at]))
+        return float(np.quantile(bounds, HIDDEN)) if bounds else None
+
+
+def _height(mask: Mask) -> float:
+    """Pixels; NaN of a subject that is cut by the picture's upper or lower border, or not seen."""
+    rows = np.flatnonzero(mask.any(axis=1))
+    if np.count_nonzero(mask) < LEAST or rows[0] == 0 or rows[-1] == len(mask) - 1:
+        return np.nan
+    return float(len(rows))

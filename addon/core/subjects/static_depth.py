@@ -81,7 +81,10 @@ class StaticDepth:
         small, stack = self._sweep.pinhole(frame), []
         for image in self._around(frame):
             checkpoint()
-            depth = self._without(self._depth(image.frame), moving(image.frame))
+            depth = self._depth(image.frame)
+            size = depth.moving.shape[::-1]
+            left_out = cv2.resize(moving(image.frame).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+            depth = replace(depth, moving=depth.moving | (left_out > 0))
             inverse, weight, nearest = in_place(depth, image, small, here, 0)
             # Moving pixels of the frame itself hide the static scene.
             stack.append((inverse, np.where(depth.moving, 0, weight) if image is here else weight, nearest))
@@ -106,12 +109,6 @@ class StaticDepth:
         images, at = self.reconstruction.images, int(np.searchsorted(self.reconstruction.frames, frame))
         step = stride(self.reconstruction, STEP, LEAST_FRAMES)
         return [images[i] for i in range(0, len(images), step) if abs(i - at) <= SIDES * step]
-
-    @staticmethod
-    def _without(depth: DenseDepth, moving: Mask) -> DenseDepth:
-        size = depth.moving.shape[::-1]
-        found = cv2.resize(moving.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-        return replace(depth, moving=depth.moving | found)
 
 
 def _inpainted(inverse: Map, unseen: Mask) -> Map:

@@ -23,7 +23,7 @@ from ..depth.view_selection import SOURCE_SPAN, SOURCE_STEP, source_frames
 from ..media.light import to_linear
 from ..media.picture_file import Pixels
 from .bilateral_grid import BilateralGrid
-from .source_view import CHUNK, Places, Reprojection, SourceView
+from .source_view import Places, Reprojection, SourceView
 
 HiddenColours = Callable[[Floats, Floats], tuple[LinearRGB, Mask]]
 """Maps canvas positions (n, 2) at inverse depths (n,) to linear colours (n, 3), and which are known (n,)."""
@@ -112,7 +112,8 @@ class DisocclusionFill:
         checkpoint(0.7)
         hides = _hides(nearest, self._wide(other.frame), camera)
         source = SourceView(reprojection, picture, hides, np.ones(3, np.float32))
-        colours = np.concatenate([source.colours(some) for some in _parts(target.places)], axis=1)
+        parts = [source.colours(target.places.among(some)) for some in target.places.chunks()]
+        colours = np.concatenate(parts, axis=1)
         checkpoint(0.8)
         gain = _gain(target.colour[:, target.still], colours[:, target.still])
         return replace(source, gain=gain), colours * gain[:, None]
@@ -207,9 +208,8 @@ class ReprojectedColours:
         if not self.sources:
             return colours, known
         wanted = Places.of(places, inverse)
-        for first in range(0, len(places), CHUNK):
+        for some in wanted.chunks():
             checkpoint()
-            some = slice(first, first + CHUNK)
             colours[some], known[some] = self._consensus(wanted.among(some))
         return colours, known
 
@@ -246,11 +246,6 @@ class _TargetView:
     """(n,) static positions."""
     occluders: Places
     """Possible occluders in other frames: static positions, those past the border, and depth edges."""
-
-
-def _parts(places: Places) -> list[Places]:
-    """Split positions into chunks."""
-    return [places.among(slice(first, first + CHUNK)) for first in range(0, len(places), CHUNK)]
 
 
 def _within(mask: Mask | None, share: Floats) -> Mask:

@@ -23,9 +23,8 @@ from bpy.props import (
 from ...core.base.errors import UserError
 from ...core.camera.reconstruction import Reconstruction
 from ...core.depth.sparse import point_inverse_depths
-from ...core.focus.first_focus import first_place
 from ...core.focus.focus import Focus
-from ...core.focus.place import Place
+from ...core.focus.place import Place, first_place
 from ...core.focus.pull import FocusMark, unseen
 from ..base.option_properties import hidden
 from ..base.timeline import clip_frame

@@ -5,7 +5,7 @@ import numpy as np
 
 from ...core.base.arrays import Floats
 from ...core.base.errors import UserError
-from ...core.depth.sparse_depth import SparseDepth
+from ...core.depth.source import SparseDepth
 from ...core.frame.clip_context import ClipContext, no_picture
 from ...core.frame.warped_frame import view_offsets
 from ..sources.shot import reconstruction_of

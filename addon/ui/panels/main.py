@@ -4,7 +4,7 @@ from pathlib import Path
 
 import bpy
 
-from ...core.focus.first_focus import NEAREST
+from ...core.focus.place import NEAREST
 from ...scene.base import version
 from ...scene.base.timeline import clip_frame
 from ...scene.lens import blender_focus, depth_of_field, lens

@@ -10,8 +10,7 @@ from ...camera.canvas import Canvas
 from ...depth.source import PixelDepth
 from ...depth.sparse import DepthSamples
 from ...optics.aperture import ApertureSamples, aperture_samples
-from ...optics.aperture_sampling import vogel_disc
-from ...optics.registration import exact_registration
+from ...optics.aperture_sampling import exact_registration, vogel_disc
 from ...optics.thin_lens import ThinLens
 from ...warp.layered_depth_image import LayeredDepthImage
 from ...warp.mesh import WarpMesh

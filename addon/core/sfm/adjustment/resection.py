@@ -4,7 +4,7 @@ import numpy as np
 
 from ...base.arrays import Floats, Ints
 from ...camera.reconstruction import rotation_matrix, rotation_vector
-from .bundle import Bundle, Observations, weights
+from .bundle import Bundle, Observations, robust_residuals, weights
 from .bundle_adjustment import turns
 from .normal_equations import pose_derivatives, summed
 from .solution import Solution
@@ -40,9 +40,7 @@ def resected(made: Solution, kept: Ints) -> tuple[Floats, Floats]:
 
 def _stepped(bundle: Bundle, seen: Observations, loss: float) -> Bundle:
     """The poses after a step of Gauss and Newton's method, with Huber's loss from `loss` pixels."""
-    local = bundle.in_camera(seen)
-    residuals = bundle.residuals(seen)
-    residuals[local[:, 2] <= 0] = np.nan
+    residuals, local = robust_residuals(bundle, seen)
     weight = weights(residuals, loss)[0]
     derived = pose_derivatives(bundle, seen, local)[0][..., :6]
     heavy = derived * weight[:, None, None]

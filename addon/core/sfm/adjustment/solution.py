@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from ...base.arrays import Floats, Ints, Mask
-from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction, outermost_angles
+from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from ..tracking.tracks import Progress, Tracks
 
 # Chosen by inspection of solved clips.
@@ -200,6 +200,16 @@ def drop_shallow(solution: Solution) -> None:
     median = float(np.median(angle[placed])) if placed.any() else 0.0
     solution.xyz[~(angle >= min(MIN_ANGLE, median / 3))] = np.nan
     solution.used &= np.isfinite(solution.xyz[tracks.track, 0])
+
+
+def outermost_angles(rays: Floats, point: Ints, count: int) -> Floats:
+    """Return degrees (count,) between the outermost unit rays (m, 3) to points (m,); NaN without a ray."""
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, point, rays)
+    np.maximum.at(high, point, rays)
+    with np.errstate(invalid="ignore"):
+        angle = np.degrees(np.linalg.norm(high - low, axis=1))
+    return np.asarray(np.where(np.isfinite(angle), angle, np.nan))
 
 
 def kept_points(solution: Solution) -> tuple[Points, Ints, Mask]:

@@ -30,24 +30,17 @@ MIN_ORDER = 0.5
 """Absolute rank correlation of a solve's inverse depths with motion below which they contradict it."""
 
 
-@dataclass(frozen=True)
-class Shifted:
-    """The best explanation of tracks by a camera that slides, and pictures that are shifted."""
-
-    inverse_depth: Floats
-    """(P,) of the tracks, up to a scale, a shift and the sign."""
-    error: Floats
-    """(m,) pixels by which it misses each observation."""
-
-
-def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> Shifted | None:
-    """Fit shifted pictures to observations; None without enough connections.
+def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> tuple[Floats, Floats] | None:
+    """Fit shifted pictures of a camera that slides to observations; None without enough connections.
 
     Args:
         seen: Observations.
         frames: Number of frames.
         points: Number of points.
         loss: In pixels.
+
+    Returns:
+        Inverse depths (P,), up to a scale, a shift and the sign, and errors (m,) in pixels.
     """
     frame, point, xy = seen.frame, seen.point, seen.xy
     place = np.full((frames, points, 2), np.nan)
@@ -76,7 +69,7 @@ def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> Shi
         miss = xy - at[point] - depth[point, None] * displacement - shift[frame]
         error = np.linalg.norm(miss, axis=1)
         weight = _weight(error, loss)
-    return Shifted(depth, error)
+    return depth, error
 
 
 def _weight(error: Floats, loss: float) -> Floats:
@@ -132,6 +125,7 @@ def compare(made: Solution, keys: list[int]) -> Compared | None:
     found = fit_shifts(span.seen, span.frames, len(span.tracks), span.loss)
     if found is None:
         return None
+    inverse, error = found
     index = np.array(keys)[span.seen.frame]
     world = made.xyz[span.tracks]
     local = np.einsum("mij,mj->mi", made.rotation[index], world[span.seen.point]) + made.translation[index]
@@ -144,8 +138,8 @@ def compare(made: Solution, keys: list[int]) -> Compared | None:
     depth = (world @ made.rotation[middle].T + made.translation[middle])[:, 2]
     good = np.isfinite(depth) & (depth > 0)
     enough = good.sum() >= MIN_SHARED
-    order = rank_correlation(1 / depth[good], found.inverse_depth[good]) if enough else 1.0
-    return Compared(_score(own, close), _score(found.error, close), abs(order))
+    order = rank_correlation(1 / depth[good], inverse[good]) if enough else 1.0
+    return Compared(_score(own, close), _score(error, close), abs(order))
 
 
 def refuse_shifted(made: Solution, keys: list[int]) -> None:

@@ -6,7 +6,6 @@ Frahm, "Structure-from-motion revisited", 2016.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
@@ -17,8 +16,8 @@ import pycolmap
 from ...base.arrays import Ints
 from ...base.atomic import temporary_folder
 from ...base.errors import UserError
-from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction, normalise, outermost_angles
-from ..adjustment.solution import MIN_POINTS
+from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction, normalise
+from ..adjustment.solution import MIN_POINTS, outermost_angles
 from ..tracking.photo_matching import Photo
 from ..tracking.tracks import Progress
 from .keyframes import START_FOCAL, mapped, mapper_options, new_camera, verify, write_database
@@ -39,22 +38,13 @@ MIN_ANGLE = 0.5
 too little parallax and are refused."""
 
 
-@dataclass(frozen=True)
-class Placed:
-    """A reconstruction and its report's figures."""
-
-    reconstruction: Reconstruction
-    is_calibrated: bool
-    """True if the focal length comes from the photos, not from the prior."""
-
-
 def place_photos(
     photos: Sequence[Photo],
     matches: dict[tuple[int, int], Ints],
     focal: Callable[[Photo], float | None],
     is_held: bool,
     progress: Progress,
-) -> Placed:
+) -> tuple[Reconstruction, bool]:
     """Return cameras and points of photos from their matches, normalised.
 
     Args:
@@ -63,6 +53,9 @@ def place_photos(
         focal: Returns a photo's prior focal length in pixels.
         is_held: True to hold it.
         progress: Called with the stage, done and all steps.
+
+    Returns:
+        The solve, and whether its focal lengths come from the photos, not from their priors.
 
     Raises:
         UserError: No two photos show one scene from different places.
@@ -96,7 +89,7 @@ def place_photos(
             f"these photos are taken from one place ({angle:.2f} degrees between them): too little parallax;"
             " take them from places a step apart"
         )
-    return Placed(reconstruction, is_calibrated)
+    return reconstruction, is_calibrated
 
 
 def _write_database(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,9 @@ import numpy as np
 from ...base.arrays import Floats, Ints
 from ...base.counting import common_step, ranges
 from ...base.errors import Remedy, Words, with_words
-from ...camera.reconstruction import Reconstruction, outermost_angles
+from ...camera.reconstruction import Reconstruction
 from ...media.clip import describe
+from ..adjustment.solution import outermost_angles
 
 STAYS = "turning"
 """The method of a solve whose camera stays in its place: depth is that of maps, or estimated."""
@@ -125,9 +126,9 @@ class Report:
     weak: list[int]
     """Frames with fewer than `WEAK` points."""
     notes: list[str]
-    advice: str
+    advice: str = ""
     """The most useful advice; empty if none is needed."""
-    remedies: tuple[Remedy, ...]
+    remedies: tuple[Remedy, ...] = ()
     """Settings that follow the advice."""
 
     def as_dict(self) -> dict[str, Any]:
@@ -136,10 +137,7 @@ class Report:
 
     def advised(self, words: Words) -> str:
         """Return the advice in a line; empty without advice."""
-        return "\n".join(self._advice(words))
-
-    def _advice(self, words: Words) -> list[str]:
-        return [f"advice: {with_words(self.advice, self.remedies, words)}"] if self.advice else []
+        return f"advice: {with_words(self.advice, self.remedies, words)}" if self.advice else ""
 
     def text(self, words: Words) -> str:
         """Return the report for users, with an interface's names of settings."""
@@ -172,7 +170,8 @@ class Report:
             lines.append(f"standing still  {100 * self.explained:.0f}% of what was tracked")
         if self.weak:
             lines.append(f"weak frames   {ranges(self.weak)} (fewer than {WEAK} points)")
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), *self._advice(words)])
+        lines += [f"note: {note}" for note in self.notes]
+        return "\n".join([*lines, self.advised(words)] if self.advice else lines)
 
     def _parallax(self) -> str:
         unsure = "not known" if self.depth_sigma is None else f"uncertain by {100 * self.depth_sigma:.1f}%"
@@ -206,47 +205,33 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     weak_depth = said.get("weak_depth")
     if weak_depth is not None:
         spread = max(spread or 0.0, float(weak_depth))
-    sigma = said.get("focal_sigma")
     weak = [image.frame for image in reconstruction.images if len(image.points) < WEAK]
-    long_side = max(max(camera.width, camera.height) for camera in reconstruction.cameras)
-    wrong = error if error is not None and error > max(WRONG_ERROR, WRONG_SHARE * long_side) else None
-    explained = said.get("explained")
-    return Report(
+    found = Report(
         len(frames), len(counts), missing, len(reconstruction.points),
         [int(counts.min()), int(np.median(counts)), int(counts.max())],
         int(np.median([len(image.visible) for image in reconstruction.images])), error,
-        [min(focal), max(focal)], sigma,
+        [min(focal), max(focal)], said.get("focal_sigma"),
         said.get("focal_from", "file"), LensReport.of(said),
         [float(q) for q in np.percentile(angle, (25, 50, 75))] if len(angle) else None,
-        _distances(reconstruction), spread, explained, weak, list(said.get("notes", [])),
-        *_advice(
-            wrong, missing, list(frames), sigma, said.get("focal_from", "file"), spread, explained, weak,
-            bool(said.get("depth_estimated")),
-        ),
+        _distances(reconstruction), spread, said.get("explained"), weak, list(said.get("notes", [])),
     )  # fmt: skip
+    long_side = max(max(camera.width, camera.height) for camera in reconstruction.cameras)
+    advice, remedies = _advice(found, list(frames), long_side, bool(said.get("depth_estimated")))
+    return replace(found, advice=advice, remedies=remedies)
 
 
-def _advice(
-    wrong: float | None,
-    missing: list[int],
-    frames: list[int],
-    sigma: float | None,
-    source: str,
-    depth: float | None,
-    explained: float | None,
-    weak: list[int],
-    estimated: bool,
-) -> tuple[str, tuple[Remedy, ...]]:
-    """The one thing that would help most, and where to set it; a `wrong` error cannot be true."""
-    if wrong is not None:
+def _advice(it: Report, frames: list[int], long_side: int, estimated: bool) -> tuple[str, tuple[Remedy, ...]]:
+    """The one thing that would help most, and where to set it."""
+    missed, missing, depth = it.reprojection_error, it.missing, it.depth_sigma
+    if missed is not None and missed > max(WRONG_ERROR, WRONG_SHARE * long_side):
         return (
-            f"renders will be wrong: these cameras miss the clip by {wrong:.0f} px (another take or lens?)",
+            f"renders will be wrong: these cameras miss the clip by {missed:.0f} px (another take or lens?)",
             (),
         )
-    if explained is not None and explained < EXPLAINED:
+    if it.explained is not None and it.explained < EXPLAINED:
         return MOVING, ()
     if estimated:
-        return (ESTIMATED, (Remedy.DEPTH_MAPS,))
+        return ESTIMATED, (Remedy.DEPTH_MAPS,)
     without = set(missing)
     places = [place for place, frame in enumerate(frames) if frame not in without]
     if common_step(places) > 1:
@@ -263,16 +248,13 @@ def _advice(
             (Remedy.FRAMES,),
         )
     if depth is not None and depth > UNTOLD_DEPTH:
-        return (
-            "the clip shows hardly any depth: keep the blur small, or film with more sideways movement",
-            (),
-        )
+        return "the clip shows hardly any depth: keep the blur small, or film with more sideways movement", ()
     if depth is not None and depth > UNSURE_DEPTH:
-        return ("depth is not exact: keep the blur small, or film with more sideways movement", ())
-    if sigma is not None and sigma > UNSURE_FOCAL and source != "given":
-        return ("distances are a guess (blur hardly depends on it); set the focal length", (Remedy.FOCAL,))
-    if weak:
-        which = f"frame {weak[0]} has" if len(weak) == 1 else f"frames {ranges(weak)} have"
+        return "depth is not exact: keep the blur small, or film with more sideways movement", ()
+    if it.focal_sigma is not None and it.focal_sigma > UNSURE_FOCAL and it.focal_from != "given":
+        return "distances are a guess (blur hardly depends on it); set the focal length", (Remedy.FOCAL,)
+    if it.weak:
+        which = f"frame {it.weak[0]} has" if len(it.weak) == 1 else f"frames {ranges(it.weak)} have"
         return f"{which} few points; focus may be less exact there", ()
     return "", ()
 

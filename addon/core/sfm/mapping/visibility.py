@@ -260,9 +260,6 @@ def _parts() -> Map:
 
 def _softened(picture: Pixels) -> tuple[Map, Floats]:
     """A frame in grey, at most `LONG_SIDE` long, blurred by `SOFTEN` pixels; its scale (2,)."""
-    gray = to_gray8(picture)
-    zoom = min(1.0, LONG_SIDE / max(gray.shape))
-    size = (round(gray.shape[1] * zoom), round(gray.shape[0] * zoom))
-    small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA) if zoom < 1 else gray
+    small = to_gray8(picture, LONG_SIDE)
     blurred = cv2.GaussianBlur(small.astype(np.float32), (0, 0), SOFTEN)
-    return np.asarray(blurred, np.float32), np.array(size) / gray.shape[::-1]
+    return np.asarray(blurred, np.float32), np.array(small.shape[::-1]) / picture.shape[1::-1]

@@ -7,9 +7,8 @@ import numpy as np
 
 from ...base.arrays import Mask
 from ...media.clip import Footage
-from ...subjects.faces import face_of
 from ...subjects.networks import Networks
-from ...subjects.people import SEEN_IN, bodies, people, sampled
+from ...subjects.people import SEEN_IN, bodies, face_of, people, sampled
 from ...subjects.pictures import displayed, small
 from .degeneracy import pairs
 from .tracks import Progress, Tracks

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.arrays import Bytes, Floats, Ints
+from ...base.arrays import Floats, Ints
 from ...base.counting import counted
 from ...base.errors import UserError
 from ...media.clip import MOST_STILLS, Footage
@@ -70,11 +70,7 @@ def find_features(footage: Footage, progress: Progress) -> list[Photo]:
 
 def _features(sift: cv2.SIFT, picture: Pixels, frame: int, name: str, most: int) -> Photo:
     height, width = picture.shape[:2]
-    gray: Bytes = to_gray8(picture)
-    zoom = min(1.0, LONG_SIDE / max(width, height))
-    if zoom < 1:
-        size = (max(round(width * zoom), 1), max(round(height * zoom), 1))
-        gray = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), np.uint8)
+    gray = to_gray8(picture, LONG_SIDE)
     points = keypoints(sift, gray)
     points = points.kept(np.sort(np.argsort(-points.response, kind="stable")[:most]))
     scale = np.array([width / gray.shape[1], height / gray.shape[0]])

@@ -155,7 +155,7 @@ def run(
     for done, frame in enumerate(footage.frames):
         progress("Tracking features", done, len(footage.frames))
         picture = footage.read(frame)
-        gray = _shrunk(to_gray8(picture), zoom)
+        gray = to_gray8(picture, LONG_SIDE)
         number, place = tracker.step(gray)
         watch(picture, (place + 0.5) / gray.shape[::-1])
         new = np.searchsorted(number, born)
@@ -198,11 +198,10 @@ def cuts(tracks: Tracks) -> tuple[int, ...]:
 
 def are_bridged(footage: Footage, starts: Sequence[int]) -> bool:
     """Return whether SIFT keypoints connect each frame, an index into the clip's, with the frame before."""
-    zoom = min(1.0, LONG_SIDE / max(footage.width, footage.height))
     for start in starts:
         matcher = Matcher()
         before, after = (
-            matcher.step(_shrunk(to_gray8(footage.read(frame)), zoom))[0]
+            matcher.step(to_gray8(footage.read(frame), LONG_SIDE))[0]
             for frame in footage.frames[start - 1 : start + 1]
         )
         if not np.isin(after, before).any():
@@ -242,13 +241,6 @@ def _followed(tracks: Tracks) -> Tracks:
     kept = np.bincount(tracks.track, minlength=tracks.count) > 1
     some, number = tracks.only(kept[tracks.track]), np.cumsum(kept) - 1
     return replace(some, rgb=tracks.rgb[kept], track=number[some.track].astype(np.int32))
-
-
-def _shrunk(gray: NDArray[np.uint8], zoom: float) -> NDArray[np.uint8]:
-    if zoom == 1.0:
-        return gray
-    size = (round(gray.shape[1] * zoom), round(gray.shape[0] * zoom))
-    return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _colours(picture: NDArray[np.generic], corners: NDArray[np.float32], zoom: float) -> NDArray[np.uint8]:
