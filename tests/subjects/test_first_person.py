@@ -16,6 +16,7 @@ from addon.core.base.store import Store
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.frame.first_person import middle_of, nearest_subject
+from addon.core.frame.moving_parts import MovingParts
 from addon.core.frame.nearest_person import _weights, nearest_person
 from addon.core.media.clip import open_footage
 from addon.core.subjects.clip_subjects import PEOPLE, ClipSubject, ClipSubjects
@@ -48,12 +49,16 @@ class Crowd(walls.Filmed):
     """A clip of people who are known."""
 
     @cached_property
-    def people(self) -> list[ClipSubject]:
+    def parts(self) -> MovingParts:
         def cut(name: str, frame: int) -> Cut:
             known = Cut.known(walls.still(frame), standing(name, 5).astype(np.float32), 1.0)
             return replace(known, share=standing(name, frame).astype(np.float32))
 
-        return [ClipSubject(name, name, lambda frame, name=name: cut(name, frame)) for name in NAMES]
+        known = super().parts
+        vars(known)["people"] = [
+            ClipSubject(name, name, lambda frame, name=name: cut(name, frame)) for name in NAMES
+        ]
+        return known
 
     def subject_place(self, name: str, frame: int) -> Place:
         away = NAMES[name]
