@@ -181,7 +181,7 @@ class OneFace(Networks):
 def test_a_face_is_a_part_of_a_person() -> None:
     clip = walls.filmed(walls.still)
     crowd = Crowd(clip.reconstruction, clip.read)
-    far = crowd.people[list(NAMES).index("far")]
+    far = crowd.parts.people[list(NAMES).index("far")]
     subjects = ClipSubjects(clip.reconstruction, clip.read, networks=OneFace())
     rows, columns = np.nonzero(far.mask(2))
     for below, is_face in ((10, True), (60, False)):
