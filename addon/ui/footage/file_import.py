@@ -8,11 +8,9 @@ from pathlib import Path
 import bpy
 
 from ...core.base.errors import UserError
-from ...core.media.clip import Footage
 from ...core.media.clip_identity import is_same_clip
 from ...core.media.find_clip import is_clip
 from ...core.media.picture_file import PICTURES
-from ...core.readers.matching import Imported
 from ...core.sfm.state import STATE, read_state
 from ...scene.base.paths import absolute
 from ...scene.lens.lens import is_in_focus
@@ -95,15 +93,11 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
         return clip, folder_for(settings, clip)
 
 
-class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_drop_model(import_solve.ImportsFile, bpy.types.Operator):  # noqa: N801
     """Import the clip's cameras, and points if there are any, from another program or a phone"""
 
     bl_label = "Import to Virtual Aperture"
     bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
-
-    filepath: bpy.props.StringProperty(
-        name="Model", description="Model file", subtype="FILE_PATH", options={"SKIP_SAVE"}
-    )
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -115,12 +109,6 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
         if solving.running_solve() is not None:
             raise UserError(f"the clip is being solved; cancel with ESC, then drop {name} again")
         return super().execute(context)
-
-    def clip_of(self, settings: bpy.types.PropertyGroup) -> Path:
-        return import_solve.recorded(self.filepath) or super().clip_of(settings)
-
-    def read(self, footage: Footage) -> Imported:
-        return import_solve.read_model(self.filepath, footage)
 
 
 def loses_focus(settings: bpy.types.PropertyGroup, clip: Path) -> bool:
