@@ -26,8 +26,7 @@ from ..render.output import movie_file, movie_folder, output
 from ..render.output.frame_keys import run_key
 from ..render.output.run_report import RunReport, check_report
 from ..render.processes import jobs, launcher
-from ..render.processes.blend_file import write_blend
-from ..render.processes.launcher import JOB
+from ..render.processes.launcher import JOB, write_blend
 from ..render.views.gpu_views import check_gpu
 from ..render.views.quiet import quiet
 from ..scene import clip_properties, lens_properties, preview_properties, properties

@@ -33,8 +33,7 @@ from ...core.base.progress import checkpoint
 from ...scene.base.events import RENDERS, at
 from ...scene.gpu import main_thread
 from . import jobs
-from .blend_file import write_blend
-from .launcher import start
+from .launcher import start, write_blend
 
 LOOK = 0.02
 """Seconds between two looks for a frame that another process draws."""

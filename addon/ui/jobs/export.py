@@ -12,8 +12,7 @@ import bpy
 from ...core.base.atomic import collect_orphans
 from ...core.base.errors import UserError
 from ...render.output import export as exports
-from ...render.processes.blend_file import write_blend
-from ...render.processes.launcher import start
+from ...render.processes.launcher import start, write_blend
 from ...scene.base import redraw
 from ...scene.base.events import watch
 from ...scene.base.paths import absolute
