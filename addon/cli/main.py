@@ -364,9 +364,9 @@ def run_command(arguments: list[str]) -> int:
         status = 128 + _signal if _signal else 2 if isinstance(error, UsageError) else 1
         if isinstance(error, UserError) and not _signal:
             # The parent has other words for the remedies.
-            send(Failure(str(error), status, error.remedies))
+            send(Failure(str(error), error.remedies))
         else:
-            send(Failure(text, status))
+            send(Failure(text))
         streams.complain(text)
         return status
     finally:
