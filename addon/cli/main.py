@@ -29,7 +29,7 @@ from ..render.processes import jobs, launcher
 from ..render.processes.launcher import JOB, write_blend
 from ..render.views.gpu_views import check_gpu
 from ..render.views.quiet import quiet
-from ..scene import clip_properties, lens_properties, preview_properties, properties
+from ..scene import clip_properties, lens_properties, properties
 from ..scene.base.paths import absolute
 from ..scene.ignored import unseen
 from ..scene.sources.shot import shot_of
@@ -42,7 +42,7 @@ from .options import Parser, UsageError, path
 from .processes import add_jobs, sharing
 from .words import SOLVED_WORDS, WORDS
 
-CALLBACKS = {each.__file__ for each in (properties, clip_properties, lens_properties, preview_properties)}
+CALLBACKS = {each.__file__ for each in (properties, clip_properties, lens_properties)}
 """Files of the callbacks of properties."""
 
 
