@@ -21,7 +21,7 @@ from addon.cli.main import run_command
 from addon.core.base import npz
 from addon.core.base.digest import file_digest
 from addon.core.base.errors import UserError
-from addon.core.base.folder_lock import FolderLock
+from addon.core.base.file_lock import FolderLock
 from addon.core.base.regular_file import is_regular, open_regular, read_regular
 from addon.core.base.store import Store
 from addon.core.camera.reconstruction import Intrinsics

@@ -11,8 +11,8 @@ import bpy
 from ...core.base import atomic
 from ...core.base.counting import counted, ranges
 from ...core.base.errors import Remedy, UserError
+from ...core.base.file_lock import OutputLock
 from ...core.base.file_names import check_file, checked_name, leads_nowhere
-from ...core.base.folder_lock import OutputLock
 from ...core.base.time_left import Clock
 from ...core.frame.warped_frame import forecast
 from ...core.media.clip import Footage
