@@ -16,7 +16,7 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.user_maps import open_depth
 from addon.core.media.clip import open_footage
-from addon.core.media.find_clip import clip_exists
+from addon.core.media.clip_identity import clip_exists
 from addon.core.media.masks import open_masks
 from addon.core.sfm.staging import Staging
 from addon.core.sfm.workspace import load_solve

@@ -29,9 +29,8 @@ from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.stored_depth import depth_entry
 from addon.core.media import exif
 from addon.core.media.clip import open_footage
-from addon.core.media.clip_identity import identity
+from addon.core.media.clip_identity import identity, is_clip
 from addon.core.media.copying import copy_file
-from addon.core.media.find_clip import is_clip
 from addon.core.media.picture_file import read_picture
 from addon.core.readers import bundler, nvm, read_reconstruction, voodoo
 from addon.core.readers.matching import Imported

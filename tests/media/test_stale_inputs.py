@@ -20,9 +20,8 @@ from addon.core.base.errors import Remedy, UserError
 from addon.core.base.file_lock import process_table
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import open_footage
-from addon.core.media.clip_identity import identity, is_same_clip
+from addon.core.media.clip_identity import identity, is_clip, is_same_clip
 from addon.core.media.copying import copy_file
-from addon.core.media.find_clip import is_clip
 from addon.core.readers.colmap_export import write_model
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.staging import Staging

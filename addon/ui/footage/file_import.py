@@ -8,8 +8,7 @@ from pathlib import Path
 import bpy
 
 from ...core.base.errors import UserError
-from ...core.media.clip_identity import is_same_clip
-from ...core.media.find_clip import is_clip
+from ...core.media.clip_identity import is_clip, is_same_clip
 from ...core.media.picture_file import PICTURES
 from ...core.sfm.state import STATE, read_state
 from ...scene.base.paths import absolute

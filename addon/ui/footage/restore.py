@@ -6,7 +6,7 @@ import bpy
 
 from ...core.base.errors import UserError
 from ...core.media.clip import Footage, open_footage
-from ...core.media.find_clip import is_clip
+from ...core.media.clip_identity import is_clip
 from ...core.media.sequence import is_pattern
 from ...scene import parts
 from ...scene.base.paths import absolute
