@@ -19,7 +19,7 @@ from ..core.media.copying import copy_clip, copy_file
 from ..core.sfm.state import STATE, read_state, write_state
 from ..core.sfm.workspace import load_solve
 from ..render.output import movie_file, output
-from ..render.output.frame_keys import frame_keys
+from ..render.output.frame_files import frame_keys
 from ..render.processes.launcher import launcher, write_blend
 from ..render.views.frame_size import written_size
 from ..render.views.quiet import quiet

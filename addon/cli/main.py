@@ -23,7 +23,7 @@ from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import engine
 from ..render.output import movie_file, movie_folder, output
-from ..render.output.frame_keys import run_key
+from ..render.output.frame_files import run_key
 from ..render.output.run_report import RunReport, check_report
 from ..render.processes import jobs, launcher
 from ..render.processes.launcher import JOB, write_blend

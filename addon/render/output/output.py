@@ -26,7 +26,6 @@ from ..cg import cg_process
 from ..processes.jobs import Here
 from ..views.frame_size import render_size, written_size
 from . import frame_files, movie_file, movie_folder
-from .frame_keys import frame_keys
 from .movie_file import MOVIES, join
 
 STILLS = {".png": "PNG", ".exr": "OPEN_EXR"}
@@ -159,7 +158,7 @@ def render_sequence(
     """
     atomic.collect_orphans(out.parent)
     targets = {frame: out.with_name(numbered(out.name, frame)) for frame in frames}
-    keys = frame_keys(scene, frames)
+    keys = frame_files.frame_keys(scene, frames)
     todo = {frame: _stamp(targets[frame]) for frame in _missing(targets, keys, overwrite, report)}
     set_still(scene, out.suffix.lower(), shot_of(scene).footage)
     clock = Clock("frames", len(todo), report)

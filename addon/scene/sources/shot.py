@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ...core.base.arrays import Floats, Map
-from ...core.base.code import code_digest
+from ...core.base.digest import code_digest
 from ...core.base.errors import UserError
 from ...core.base.lru_cache import remembered
 from ...core.base.store import NOT_KEPT, Store
