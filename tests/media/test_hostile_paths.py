@@ -23,7 +23,7 @@ from addon.core.sfm.workspace import load_solve
 from addon.render.output import output
 from addon.scene.build import build
 from addon.scene.sources import shot
-from addon.ui.footage.choose_clip import clip_of
+from addon.ui.footage.file_import import clip_of
 
 from ..command_line import run
 from ..scenes import LENS, slanted_plane, write_frames

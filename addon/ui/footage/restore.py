@@ -15,7 +15,7 @@ from ...scene.edited_camera import edits
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.shot import solved_clip
 from ..base.operators import Acts, Edits, Result, has_solve, may_change, polls, requires
-from .choose_clip import ShowsClips
+from .file_import import ShowsClips
 from .solve import build_scene, is_kept
 
 
