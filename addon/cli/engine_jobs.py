@@ -18,7 +18,7 @@ from ..render.processes.clip_process import ReceivedShots
 from ..render.processes.frames_ahead import DrawnFrame, draw_ahead
 from ..render.views.gpu_views import check_gpu, start_gpu
 from .blend import open_blend, open_scene
-from .words import WORDS
+from .options import WORDS
 
 
 def draw_cg(job: argparse.Namespace) -> None:

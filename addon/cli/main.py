@@ -38,9 +38,8 @@ from .blend import is_blend, open_blend
 from .engine_jobs import read_job
 from .lens import all_frames, lacking, movie_frames, say_lens, scene_of, set_lens, wanted_frames
 from .lens_options import add_lens, add_work, check_lens, check_numbers
-from .options import Parser, UsageError, path
+from .options import SOLVED_WORDS, WORDS, Parser, UsageError, path
 from .processes import add_jobs, sharing
-from .words import SOLVED_WORDS, WORDS
 
 CALLBACKS = {each.__file__ for each in (properties, clip_properties, lens_properties)}
 """Files of the callbacks of properties."""
