@@ -23,9 +23,8 @@ from ...scene.sources.shot import reconstruction_of, shot_of
 from ..base.operators import Acts, Result, has_focus, has_solve, polls, requires, sentence
 from ..base.text import wrapped
 from . import depth_ahead, movie
+from .depth_ahead import LOOK
 
-LOOK = 0.5
-"""Seconds between two looks at the process."""
 FOLDER = "export"
 """Suggested, beside what Render Clip writes."""
 
