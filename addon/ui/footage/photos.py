@@ -7,7 +7,7 @@ import bpy
 from ...core.base.errors import UserError
 from ...core.media.sequence import is_pattern
 from ...scene.base.timeline import go_to
-from ...scene.solve.store import is_ordered
+from ...scene.solve.point_cloud import is_ordered
 from ...scene.sources.shot import shot_of
 from ..base.operators import Edits, Result, has_solve, polls, requires
 
