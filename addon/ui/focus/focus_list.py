@@ -21,18 +21,15 @@ FRAME, NAME = 0.16, 0.7
 of the sidebar, frame, name and distance are complete. Chosen by inspection."""
 
 
-def has_marks(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
-    """Poll: there is a focus mark, and the keys are the marks'."""
-    marks = context.scene.virtual_aperture.marks.items
-    return has_solve(cls, context) and is_met(
-        cls, len(marks), "There are no focus marks; Pick Focus adds one"
-    )
+has_marks = requires(
+    lambda c: len(c.scene.virtual_aperture.marks.items), "There are no focus marks; Pick Focus adds one"
+)
 
 
 class ChangesMarks(Edits):
     """An operator that changes the focus marks, of which there is one at least."""
 
-    poll = polls(may_change, has_marks)
+    poll = polls(may_change, has_solve, has_marks)
 
     def act(self, context: bpy.types.Context) -> str:
         said = self.change(context.scene.virtual_aperture, clip_frame(context.scene))
@@ -125,7 +122,7 @@ class VIRTUAL_APERTURE_OT_jump_to_focus_mark(Acts, bpy.types.Operator):  # noqa:
 
     frame: bpy.props.IntProperty(name="Frame", options={"SKIP_SAVE"})
 
-    poll = polls(has_marks)
+    poll = polls(has_solve, has_marks)
 
     def act(self, context: bpy.types.Context) -> None:
         group = context.scene.virtual_aperture.marks
@@ -142,7 +139,7 @@ class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  
     bl_label = "Restore Focus Mark Keys"
 
     poll = polls(
-        may_change, has_marks,
+        may_change, has_solve, has_marks,
         requires(
             lambda c: focus_curve.is_users(c.scene.virtual_aperture),
             "The keyframes are those of the focus marks",

@@ -162,7 +162,7 @@ class VIRTUAL_APERTURE_OT_remove_subject(OfActive, bpy.types.Operator):  # noqa:
         subject = subjects.active(settings)
         assert subject is not None  # `poll` asks for it.
         name = subject.name
-        subjects.remove(settings, settings.subjects.active)
+        subjects.remove_active(settings.subjects)
         return f"Removed the subject {name}"
 
 
