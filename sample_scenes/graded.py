@@ -17,7 +17,7 @@ import numpy as np
 from mathutils import Matrix
 
 from addon.scene.cg_objects import STAYS_SHARP
-from addon.scene.grade_nodes import add_grade_nodes
+from addon.scene.passes import add_grade_nodes
 
 from .desk_scene import opened_desk, rendered
 

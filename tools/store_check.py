@@ -56,7 +56,7 @@ SCRIPT = "addon/headless.py"
 READ = {
     "addon/headless.py": "the package that the script is in",
     "addon/cli/main.py": "files of callbacks, to know them in a traceback",
-    "addon/core/base/code.py": "the code's own digest",
+    "addon/core/base/digest.py": "the code's own digest",
     "addon/core/sfm/process.py": "the package, for the solving process",
     "addon/core/subjects/networks.py": "the networks beside the code",
     "addon/render/processes/launcher.py": "the script that a process starts with",

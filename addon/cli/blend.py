@@ -8,7 +8,7 @@ import bpy
 from ..core.base.digest import file_digest
 from ..core.base.errors import UserError
 from ..core.media.clip import Footage
-from ..render.output.frame_keys import GRADED
+from ..render.output.frame_files import GRADED
 from ..render.views.quiet import quiet
 from ..scene.cg_objects import cg_objects
 from ..scene.properties import VirtualApertureSettings

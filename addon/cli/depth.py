@@ -16,7 +16,6 @@ from ..core.media.clip import FrameRange
 from ..core.sfm.workspace import Solve, load_solve
 from ..core.subjects.steadiness import jumps
 from ..render.processes import jobs, launcher
-from ..render.processes.blend_file import write_blend
 from ..render.views.gpu_views import start_gpu
 from ..scene.sources.shot import Shot, shot_of
 from .blend import is_blend, open_blend
@@ -129,7 +128,7 @@ def _side_by_side(
     step = options.frames.step if options.frames else 1
     with temporary_folder() as scratch:
         blend = scratch / "scene.blend"
-        write_blend(blend)
+        launcher.write_blend(blend)
 
         def start(job: Job, share: Sequence[int], number: int) -> None:
             words = ["depth", blend, "--jobs", 1, "--frames", f"{share[0]}-{share[-1]}:{step}"]

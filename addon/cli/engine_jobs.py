@@ -14,11 +14,11 @@ from ..core.base.errors import UserError
 from ..core.base.messages import Progress, send, speak
 from ..render import engine
 from ..render.cg import cg_process, cycles_layers
+from ..render.processes.clip_process import ReceivedShots
 from ..render.processes.frames_ahead import DrawnFrame, draw_ahead
-from ..render.processes.shots import ReceivedShots
 from ..render.views.gpu_views import check_gpu, start_gpu
 from .blend import open_blend, open_scene
-from .words import WORDS
+from .options import WORDS
 
 
 def draw_cg(job: argparse.Namespace) -> None:

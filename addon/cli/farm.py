@@ -19,9 +19,8 @@ from ..core.media.copying import copy_clip, copy_file
 from ..core.sfm.state import STATE, read_state, write_state
 from ..core.sfm.workspace import load_solve
 from ..render.output import movie_file, output
-from ..render.output.frame_keys import frame_keys
-from ..render.processes.blend_file import write_blend
-from ..render.processes.launcher import launcher
+from ..render.output.frame_files import frame_keys
+from ..render.processes.launcher import launcher, write_blend
 from ..render.views.frame_size import written_size
 from ..render.views.quiet import quiet
 from ..scene.build import move_clip
@@ -32,10 +31,9 @@ from .blend import is_blend, open_blend
 from .farm_formats import FORMATS, TASK_FRAMES
 from .lens import movie_frames, say_lens, scene_of, set_lens
 from .lens_options import add_lens, add_work, check_lens, check_numbers, given_lens, has_focus, write_lens
-from .options import Commands, path, whole
+from .options import SOLVED_WORDS, Commands, path, whole
 from .save import copied, copy_beside
 from .solve import add_footage, add_solve_frames, solve_arguments
-from .words import SOLVED_WORDS
 
 VERSION = "jobtemplate-2023-09"
 CHUNKS = 1024

@@ -23,14 +23,13 @@ from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import engine
 from ..render.output import movie_file, movie_folder, output
-from ..render.output.frame_keys import run_key
+from ..render.output.frame_files import run_key
 from ..render.output.run_report import RunReport, check_report
 from ..render.processes import jobs, launcher
-from ..render.processes.blend_file import write_blend
-from ..render.processes.launcher import JOB
+from ..render.processes.launcher import JOB, write_blend
 from ..render.views.gpu_views import check_gpu
 from ..render.views.quiet import quiet
-from ..scene import clip_properties, lens_properties, preview_properties, properties
+from ..scene import clip_properties, lens_properties, properties
 from ..scene.base.paths import absolute
 from ..scene.ignored import unseen
 from ..scene.sources.shot import shot_of
@@ -39,11 +38,10 @@ from .blend import is_blend, open_blend
 from .engine_jobs import read_job
 from .lens import all_frames, lacking, movie_frames, say_lens, scene_of, set_lens, wanted_frames
 from .lens_options import add_lens, add_work, check_lens, check_numbers
-from .options import Parser, UsageError, path
+from .options import SOLVED_WORDS, WORDS, Parser, UsageError, path
 from .processes import add_jobs, sharing
-from .words import SOLVED_WORDS, WORDS
 
-CALLBACKS = {each.__file__ for each in (properties, clip_properties, lens_properties, preview_properties)}
+CALLBACKS = {each.__file__ for each in (properties, clip_properties, lens_properties)}
 """Files of the callbacks of properties."""
 
 
@@ -365,9 +363,9 @@ def run_command(arguments: list[str]) -> int:
         status = 128 + _signal if _signal else 2 if isinstance(error, UsageError) else 1
         if isinstance(error, UserError) and not _signal:
             # The parent has other words for the remedies.
-            send(Failure(str(error), status, error.remedies))
+            send(Failure(str(error), error.remedies))
         else:
-            send(Failure(text, status))
+            send(Failure(text))
         streams.complain(text)
         return status
     finally:

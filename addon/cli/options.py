@@ -1,4 +1,4 @@
-"""The parser of the command line, and the types of its options; errors have one line."""
+"""The parser of the command line, the types of its options, and its words for remedies."""
 
 import argparse
 import math
@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ..core.base import numbers
-from ..core.base.errors import UserError
+from ..core.base.errors import Remedy, UserError, Words
 from ..core.base.file_names import checked_name
+from ..core.base.limits import KEPT_DEPTH
 from ..core.base.options import Option
 
 SWITCH = {"on": True, "off": False}
@@ -19,6 +20,28 @@ type Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 """Type of the result of `add_subparsers`."""
 SMALLEST = 1e-15
 """No number but 0 is smaller: Blender keeps 32-bit floats, and smaller ones become 0 there."""
+WORDS: Words = {
+    Remedy.FRAMES: "--frames A-B",
+    Remedy.STEP: "--frames A-B:STEP",
+    Remedy.WORK_DIR: "--work DIR",
+    Remedy.SOLVE: "headless.py solve FOOTAGE --work DIR",
+    Remedy.AGAIN: "--again",
+    Remedy.FOCAL: "--focal, --focal35, --focal-mm or --fov",
+    Remedy.DEPTH_MAPS: "--depth-maps PATH",
+    Remedy.OVERWRITE: "--overwrite",
+    Remedy.STILLS: "--stills",
+    Remedy.PIXEL_ASPECT: "--pixel-aspect X",
+    Remedy.KEPT_DEPTH: KEPT_DEPTH,
+}
+SOLVED_WORDS: Words = {
+    **WORDS,
+    Remedy.FRAMES: "--solve-frames A-B",
+    Remedy.STEP: "--solve-frames A-B:STEP",
+    Remedy.DEPTH_MAPS: "--depth PATH",
+}
+"""Words of commands whose `--frames` are the rendered ones, and whose depth maps are the lens's."""
+IMPORT_WORDS: Words = {**WORDS, Remedy.DEPTH_MAPS: "render DIR --depth PATH"}
+"""Words of `import`, whose depth maps are those of a later render."""
 
 
 class UsageError(UserError):

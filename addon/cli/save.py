@@ -15,7 +15,7 @@ from ..core.media.masks import open_masks
 from ..core.media.sequence import clip_files
 from ..core.sfm.workspace import load_solve
 from ..render.output.output import check_folder, set_still
-from ..render.processes.blend_file import write_blend
+from ..render.processes.launcher import write_blend
 from ..scene.base.paths import absolute
 from ..scene.build import move_clip
 from ..scene.properties import VirtualApertureSettings

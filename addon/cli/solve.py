@@ -21,8 +21,7 @@ from ..scene.sources.movieclip import read_movie_clip
 from ..scene.sources.scene_camera import cameras_of, read_scene_camera
 from .blend import open_scene
 from .depth import depth_of_solve
-from .options import Commands, UsageError, add_options, path, real
-from .words import IMPORT_WORDS
+from .options import IMPORT_WORDS, Commands, UsageError, add_options, path, real
 
 
 def add_commands(commands: Commands, common: argparse.ArgumentParser) -> None:

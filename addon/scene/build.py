@@ -25,7 +25,7 @@ from .edited_camera import OFFSET
 from .focus import focus_marks
 from .lens import aperture_cloud, blender_focus, depth_of_field, lens
 from .properties import VirtualApertureSettings
-from .solve import camera, point_cloud, store
+from .solve import camera, point_cloud
 from .sources import hdr_view
 from .sources.colour_space import image_space
 from .sources.shot import IDENTITY, forget, reconstruction_of
@@ -71,7 +71,7 @@ def build(
     point_cloud.make_hidden(settings.points)
     if _background_problem(settings, footage):
         point_cloud.show(settings.points, True)
-    store.write(settings.points.data, reconstruction)
+    point_cloud.write(settings.points.data, reconstruction)
     settings.points.data[IDENTITY] = uuid.uuid4().hex
     settings.footage = relative(footage.path)
     is_other = settings.clip_identity not in ("", identity(footage.path))

@@ -21,9 +21,9 @@ from . import panels
 from .base.operators import classes_of
 from .base.solving import end_solve
 from .focus import bokeh, focus_list, focus_strip, lens_amount, lens_presets, subjects, thumbnails
-from .footage import choose_clip, file_import, import_solve, photos, restore, solve, solve_view
+from .footage import file_import, import_solve, photos, restore, solve, solve_view
 from .jobs import add, depth_ahead, export, first_person, movie, quit_question, render_clip, report_list
-from .panels import engine_panels, live_preview, preferences, wipe
+from .panels import engine_panels, live_preview, preferences
 from .picking import paint_repair, pick_focus, pick_subject, pick_vertices, points_overlay, set_scale
 
 LEFT = 2.0
@@ -31,10 +31,10 @@ LEFT = 2.0
 CLASSES = (
     engine.VirtualApertureEngine,
     *classes_of(
-        preferences, choose_clip, depth_ahead, solve, movie, render_clip, export, add, quit_question,
+        preferences, depth_ahead, solve, movie, render_clip, export, add, quit_question,
         restore, photos, pick_vertices, focus_list, focus_strip, pick_focus, pick_subject,
         paint_repair, subjects, import_solve, file_import, lens_presets, lens_amount, set_scale,
-        report_list, live_preview, wipe,
+        report_list, live_preview,
     ),
     *panels.CLASSES,
 )  # fmt: skip

@@ -24,7 +24,7 @@ import numpy as np
 import addon
 from addon.core.base.job import Job
 from addon.core.base.messages import Progress
-from addon.render.processes.blend_file import write_blend
+from addon.render.processes.launcher import write_blend
 
 SIZE, PICTURES = (540, 960, 4), 50
 KINDS = ("float32", "float16")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from addon.core.base.errors import Remedy, UserError
-from addon.core.base.folder_lock import NAME, FolderLock
+from addon.core.base.file_lock import NAME, FolderLock
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.state import Staging
 
@@ -19,7 +19,7 @@ from .. import planes
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = (
     "import sys, pathlib; sys.path.insert(0, sys.argv[1]);"
-    "from addon.core.base.folder_lock import FolderLock;"
+    "from addon.core.base.file_lock import FolderLock;"
     "lock = FolderLock(pathlib.Path(sys.argv[2])); print('held', flush=True); input()"
 )
 

@@ -26,7 +26,7 @@ SPEAK = "import os, sys; from addon.core.base.messages import *; speak();"
         Progress("depth", 3, 118), Progress("frames", 1, 2, -7), Warned("a \"quote\"\nand a line"), Result(),
         Progress("a", 1, 2, share=0.25),
         Seen("AAA=", [[0.5, 0.25]]),
-        Failure("no", 2, (Remedy.WORK_DIR, Remedy.AGAIN), "Traceback: \u00e9"),
+        Failure("no", (Remedy.WORK_DIR, Remedy.AGAIN), "Traceback: \u00e9"),
     ],
 )  # fmt: skip
 def test_a_message_is_one_line_that_is_read_as_it_was(message: Message) -> None:
@@ -90,11 +90,11 @@ def test_a_process_has_one_blas_thread_unless_the_user_says_more(
 
 def test_a_process_that_did_not_say_that_it_is_done_has_failed() -> None:
     job, _ = heard("")
-    assert job.failure == Failure("the process ended with status 0", 0)
+    assert job.failure == Failure("the process ended with status 0")
     job, _ = heard("sys.stderr.write('one\\nerror: two\\n'); os._exit(7)")
-    assert job.failure == Failure("the process ended with status 7 (two)", 7)
-    job, messages = heard("send(Failure('no', 2)); os._exit(2)")
-    assert messages == [Failure("no", 2)] and job.failure == messages[0]
+    assert job.failure == Failure("the process ended with status 7 (two)")
+    job, messages = heard("send(Failure('no')); os._exit(2)")
+    assert messages == [Failure("no")] and job.failure == messages[0]
     job, _ = heard(f"os.kill(os.getpid(), {int(signal.SIGKILL)})")
     assert job.failure is not None and "was ended by SIGKILL" in job.failure.text
 
@@ -158,7 +158,7 @@ def test_a_process_is_at_its_end_though_another_holds_its_pipes() -> None:
     job = Job()
     job.start([sys.executable, "-c", f"import subprocess, sys; {other}"])
     until(lambda: job.poll() == [] and not job.is_running)
-    assert job.failure == Failure("the process ended with status 0", 0)
+    assert job.failure == Failure("the process ended with status 0")
 
 
 def is_there(process: int) -> bool:

@@ -11,22 +11,21 @@ from pathlib import Path
 
 import pytest
 
-from addon.core.base import atomic, folder_lock
+from addon.core.base import atomic, file_lock
 from addon.core.base.errors import UserError
-from addon.core.base.file_lock import is_abandoned
-from addon.core.base.processes import UNKNOWN, is_gone, process_table
+from addon.core.base.file_lock import UNKNOWN, is_abandoned, is_gone, process_table
 from addon.core.sfm.state import recover
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = """
 import sys, pathlib
 sys.path.insert(0, sys.argv[1])
-from addon.core.base import atomic, folder_lock
+from addon.core.base import atomic, file_lock
 from addon.core.sfm.state import Staging
 home = pathlib.Path(sys.argv[2])
 staging = Staging(home / "work")
 (staging.folder / "tracks").touch()
-with folder_lock.OutputLock(home / "m.mp4"), atomic.staged(home / "a.png") as part:
+with file_lock.OutputLock(home / "m.mp4"), atomic.staged(home / "a.png") as part:
     with atomic.temporary_folder() as folder:
         part.write_text("half")
         (folder / "views").touch()
@@ -37,13 +36,13 @@ staging.discard()
 COLLECT = """
 import sys, pathlib
 sys.path.insert(0, sys.argv[1])
-from addon.core.base import atomic, folder_lock
+from addon.core.base import atomic, file_lock
 from addon.core.sfm.state import recover
 home = pathlib.Path(sys.argv[2])
 recover(home / "work")
 atomic.collect_orphans(home)
 atomic.collect_temporary()
-folder_lock.collect_locks(home)
+file_lock.collect_locks(home)
 """
 NAMESPACE = ("unshare", "--pid", "--fork", "--mount-proc")
 """Before a command: run it with a table of processes of its own, as in a container."""
@@ -94,7 +93,7 @@ def test_what_was_killed_in_another_namespace_is_collected(home: Path) -> None:
         owner.wait()
         assert any("tracks" in name for name in files(home))
         elsewhere(home)
-    assert [name for name in files(home) if name != f"work/{folder_lock.NAME}"] == ["work"]
+    assert [name for name in files(home) if name != f"work/{file_lock.NAME}"] == ["work"]
 
 
 def test_what_cannot_be_told_is_not_removed(home: Path) -> None:
@@ -107,7 +106,7 @@ def test_what_cannot_be_told_is_not_removed(home: Path) -> None:
     before = files(home)
     recover(home / "work")
     atomic.collect_orphans(home)
-    folder_lock.collect_locks(home)
+    file_lock.collect_locks(home)
     assert files(home) == before
 
 
@@ -119,11 +118,11 @@ def test_only_processes_of_the_own_table_are_asked_about() -> None:
 
 
 def test_a_lock_tells_whether_its_owner_lives(home: Path) -> None:
-    lock = home / "work" / folder_lock.NAME
+    lock = home / "work" / file_lock.NAME
     with held(home) as owner:
         assert not is_abandoned(lock, process_table(), 999999999)
         with pytest.raises(UserError, match=f"is being solved into by process {owner.pid}"):
-            folder_lock.FolderLock(home / "work")
+            file_lock.FolderLock(home / "work")
         owner.kill()
         owner.wait()
         # Whatever the table says: the number may be another process's by now.

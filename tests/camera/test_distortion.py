@@ -208,13 +208,13 @@ def test_terms_belong_to_their_model() -> None:
 def test_every_lens_is_kept_in_the_blend(scene: object, tmp_path: Path) -> None:
     import bpy
 
-    from addon.scene.solve import store
+    from addon.scene.solve import point_cloud
 
     lenses = tuple(lens_of(model) for model in TERMS)
     before = Reconstruction(lenses, slanted_plane(lenses[0]).images, slanted_plane(lenses[0]).points)
     mesh = bpy.data.meshes.new("points")
     mesh.use_fake_user = True
-    store.write(mesh, before)
+    point_cloud.write(mesh, before)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "lenses.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "lenses.blend"))
-    assert store.read(bpy.data.meshes["points"]).cameras == lenses
+    assert point_cloud.read(bpy.data.meshes["points"]).cameras == lenses

@@ -13,7 +13,7 @@ from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.camera.steady_path import steady_path, zoomed
-from addon.scene.solve import store
+from addon.scene.solve import point_cloud
 from addon.scene.sources.shot import reconstruction_digest
 
 WIDTH, HEIGHT = 640, 360
@@ -138,8 +138,8 @@ def test_a_steadier_path_is_seen_at_once_and_wholly() -> None:
 def test_a_blend_keeps_how_a_clip_was_read() -> None:
     clip = shaken((0.0, 0.35))
     mesh = bpy.data.meshes.new("points")
-    store.write(mesh, clip)
-    found = store.read(mesh)
+    point_cloud.write(mesh, clip)
+    found = point_cloud.read(mesh)
     assert found.readout == (0.0, 0.35)
     assert reconstruction_digest(found) == reconstruction_digest(clip)
     assert reconstruction_digest(replace(clip, readout=(0.0, 0.0))) != reconstruction_digest(clip)

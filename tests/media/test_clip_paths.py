@@ -16,7 +16,7 @@ import pytest
 from addon.core.base import digest
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.media import clip_identity, find_clip
+from addon.core.media import clip_identity
 from addon.core.media.clip import open_footage
 from addon.scene.base import events
 from addon.scene.build import build
@@ -223,13 +223,13 @@ def test_a_clip_is_found_where_its_working_folder_says(scene: bpy.types.Scene, t
 def test_folders_are_searched_two_levels_down(tmp_path: Path) -> None:
     clip_path = write_video(tmp_path / "1" / "2" / "desk.mp4")
     wanted = clip_identity.identity(clip_path)
-    assert find_clip.find_clip("desk.mp4", wanted, (), tmp_path) == clip_path
-    assert find_clip.find_clip("desk.mp4", wanted, (clip_path,), None) == clip_path
+    assert clip_identity.find_clip("desk.mp4", wanted, (), tmp_path) == clip_path
+    assert clip_identity.find_clip("desk.mp4", wanted, (clip_path,), None) == clip_path
     deeper = tmp_path / "1" / "2" / "3" / "desk.mp4"
     deeper.parent.mkdir()
     clip_path.rename(deeper)
-    assert find_clip.find_clip("desk.mp4", wanted, (clip_path,), tmp_path) is None
-    assert find_clip.find_clip("desk.mp4", "other", (deeper,), tmp_path / "1") is None
+    assert clip_identity.find_clip("desk.mp4", wanted, (clip_path,), tmp_path) is None
+    assert clip_identity.find_clip("desk.mp4", "other", (deeper,), tmp_path / "1") is None
 
 
 def test_the_user_shows_where_the_clip_is(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from addon.core.depth.user_maps import open_depth
 from addon.core.media import picture_file
 from addon.core.media.clip import open_footage
 from addon.core.media.exr_parts import depth_channel, read_header
-from addon.core.media.picture_file import decode_picture, read_picture
+from addon.core.media.picture_file import decode_picture, open_picture, read_picture
 from addon.scene.base import exr
 from addon.scene.build import _background_problem, build
 
@@ -59,9 +59,9 @@ def test_blenders_own_files_in_each_compression(blender: bpy.types.RenderSetting
             file = rendered(blender, tmp_path / f"{codec}_{interleaved}.exr", codec, interleaved)
             if interleaved and codec.startswith("DWA"):
                 with pytest.raises(UserError, match="are compressed together with DWA; save it with ZIP"):
-                    read_picture(file, is_depth=True)
+                    open_picture(file, is_depth=True)
                 continue
-            found = read_picture(file, is_depth=True)
+            found = open_picture(file, is_depth=True).pixels
             assert found.shape == (*truth.shape, 4)
             np.testing.assert_allclose(found[..., 0], truth, rtol=1e-4, err_msg=f"{codec} {interleaved}")
 

@@ -16,14 +16,14 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.user_maps import open_depth
 from addon.core.media.clip import open_footage
-from addon.core.media.find_clip import clip_exists
+from addon.core.media.clip_identity import clip_exists
 from addon.core.media.masks import open_masks
 from addon.core.sfm.state import Staging
 from addon.core.sfm.workspace import load_solve
 from addon.render.output import output
 from addon.scene.build import build
 from addon.scene.sources import shot
-from addon.ui.footage.choose_clip import clip_of
+from addon.ui.footage.file_import import clip_of
 
 from ..command_line import run
 from ..scenes import LENS, slanted_plane, write_frames

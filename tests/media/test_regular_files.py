@@ -21,7 +21,7 @@ from addon.cli.main import run_command
 from addon.core.base import npz
 from addon.core.base.digest import file_digest
 from addon.core.base.errors import UserError
-from addon.core.base.folder_lock import FolderLock
+from addon.core.base.file_lock import FolderLock
 from addon.core.base.regular_file import is_regular, open_regular, read_regular
 from addon.core.base.store import Store
 from addon.core.camera.reconstruction import Intrinsics
@@ -29,9 +29,8 @@ from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.stored_depth import depth_entry
 from addon.core.media import exif
 from addon.core.media.clip import open_footage
-from addon.core.media.clip_identity import identity
+from addon.core.media.clip_identity import identity, is_clip
 from addon.core.media.copying import copy_file
-from addon.core.media.find_clip import is_clip
 from addon.core.media.picture_file import read_picture
 from addon.core.readers import bundler, nvm, read_reconstruction, voodoo
 from addon.core.readers.matching import Imported

@@ -22,7 +22,7 @@ from addon.core.media.sequence import LAST_FRAME, frames_of, pattern_of
 from addon.core.readers import read_reconstruction
 from addon.scene.build import build
 from addon.scene.sources.movieclip import _frame_numbers
-from addon.ui.footage.choose_clip import clip_of
+from addon.ui.footage.file_import import clip_of
 
 from .. import camera_files as files
 from ..scenes import slanted_plane

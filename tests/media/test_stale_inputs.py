@@ -15,14 +15,13 @@ from pathlib import Path
 import bpy
 import pytest
 
-from addon.core.base import atomic, digest, file_lock, folder_lock
+from addon.core.base import atomic, digest, file_lock
 from addon.core.base.errors import Remedy, UserError
-from addon.core.base.processes import process_table
+from addon.core.base.file_lock import process_table
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import open_footage
-from addon.core.media.clip_identity import identity, is_same_clip
+from addon.core.media.clip_identity import identity, is_clip, is_same_clip
 from addon.core.media.copying import copy_file
-from addon.core.media.find_clip import is_clip
 from addon.core.readers.colmap_export import write_model
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.state import Staging
@@ -421,7 +420,7 @@ def test_a_movie_is_written_by_one(ready: bpy.types.Scene, tmp_path: Path) -> No
     out = tmp_path / "new" / "m.mp4"
     hold = (
         "import sys, pathlib; sys.path.insert(0, sys.argv[1]);"
-        "from addon.core.base.folder_lock import OutputLock;"
+        "from addon.core.base.file_lock import OutputLock;"
         "lock = OutputLock(pathlib.Path(sys.argv[2])); print('held', flush=True); input()"
     )
     with subprocess.Popen(
@@ -444,7 +443,7 @@ def test_a_movie_is_written_by_one(ready: bpy.types.Scene, tmp_path: Path) -> No
 def test_the_command_line_holds_its_movie(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     work, out = tmp_path / "work", tmp_path / "o.mp4"
     keep(write_frames(tmp_path / "frames", LENS), work)
-    with folder_lock.OutputLock(out):
+    with file_lock.OutputLock(out):
         assert run("render", work, *LENS_OPTIONS, "--out", out) == 1
     assert "is being written here" in capsys.readouterr().err
 

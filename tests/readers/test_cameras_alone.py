@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from addon.cli.words import IMPORT_WORDS
+from addon.cli.options import IMPORT_WORDS
 from addon.core.base.errors import Remedy, UserError
 from addon.core.camera.reconstruction import Reconstruction, rotation_matrix
 from addon.core.depth.user_maps import open_depth

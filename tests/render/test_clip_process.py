@@ -17,8 +17,7 @@ from addon.core.focus.focus import Focus
 from addon.core.frame.plan import FrameOptions
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 from addon.render.processes import clip_process
-from addon.render.processes.clip_process import ClipProcess
-from addon.render.processes.shots import ReceivedShots, SentShots
+from addon.render.processes.clip_process import ClipProcess, ReceivedShots, SentShots
 from addon.render.viewport.pictures import FINE, Wanted, make_picture
 from addon.render.viewport.preview import Preview
 from addon.scene.build import build

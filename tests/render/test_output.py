@@ -13,10 +13,10 @@ import pytest
 from addon.core.base import atomic
 from addon.core.base.digest import file_digest
 from addon.core.base.errors import UserError
-from addon.core.base.processes import process_table
+from addon.core.base.file_lock import process_table
 from addon.render import engine
 from addon.render.output import frame_files, output
-from addon.render.output.frame_keys import frame_keys
+from addon.render.output.frame_files import frame_keys
 from addon.scene.sources import shot
 
 from ..faults import full_disk, interrupted

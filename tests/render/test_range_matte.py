@@ -26,7 +26,7 @@ from addon.render.views.average import draw_matte
 from addon.render.views.gpu_views import gpu_problem
 from addon.scene import passes
 from addon.scene.build import build
-from addon.scene.grade_nodes import NAME, add_grade_nodes
+from addon.scene.passes import NAME, add_grade_nodes
 from benchmarks.torture import clip
 
 from ..command_line import done

@@ -19,7 +19,7 @@ from addon.core.sfm.workspace import keep_import
 from addon.render import engine
 from addon.render.cg import cg_process
 from addon.render.output import output
-from addon.render.output.frame_keys import frame_keys
+from addon.render.output.frame_files import frame_keys
 from addon.scene.base.exr import read
 from addon.scene.base.timeline import clip_frame, go_to, scene_time
 from addon.scene.build import build

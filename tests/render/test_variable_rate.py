@@ -14,7 +14,7 @@ from addon.core.media.clip import open_footage
 from addon.core.media.constant_rate import held_frames
 from addon.render.output import movie_file
 from addon.scene.build import build
-from addon.ui.panels.clip import VIRTUAL_APERTURE_PT_clip
+from addon.ui.panels.solve import VIRTUAL_APERTURE_PT_clip
 from benchmarks.odd_clips import SIZE, flashes_and_clicks, steady, varying, write
 from benchmarks.torture import clip as solved
 

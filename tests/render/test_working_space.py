@@ -10,7 +10,7 @@ import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.picture_file import read_picture
-from addon.render.output.frame_keys import run_key
+from addon.render.output.frame_files import run_key
 from addon.render.views.gpu_views import gpu_problem
 from addon.scene.build import build
 from addon.scene.sources.colour_space import REC_709, from_rec_709, working_space

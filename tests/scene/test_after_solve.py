@@ -17,7 +17,7 @@ from addon.scene.lens import lens
 from addon.scene.sources.shot import Shot
 from addon.ui import panels
 from addon.ui.footage import after_solve
-from addon.ui.footage.choose_clip import clip_of
+from addon.ui.footage.file_import import clip_of
 from addon.ui.picking import points_overlay
 
 from .. import planes

@@ -14,7 +14,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus, radius_for_blur
 from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark
-from addon.render.output.frame_keys import frame_keys
+from addon.render.output.frame_files import frame_keys
 from addon.render.output.output import render_sequence
 from addon.scene.build import build
 from addon.scene.focus import focus_marks

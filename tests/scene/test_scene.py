@@ -18,7 +18,7 @@ from addon.core.camera.reconstruction import Intrinsics, normalise
 from addon.core.focus.focus import Focus
 from addon.scene.build import build
 from addon.scene.focus.focus_marks import set_focus
-from addon.scene.solve import store
+from addon.scene.solve import point_cloud
 from addon.scene.sources.shot import Shot
 
 from ..scenes import slanted_plane, slanted_shot
@@ -126,7 +126,7 @@ def test_the_reconstruction_in_the_blend_is_exact(scene: bpy.types.Scene, tmp_pa
     settings = build(scene, shot.footage, rec)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
-    back = store.read(bpy.context.scene.virtual_aperture.points.data)
+    back = point_cloud.read(bpy.context.scene.virtual_aperture.points.data)
     assert back.cameras == rec.cameras
     assert np.array_equal(back.points.xyz, rec.points.xyz)
     for a, b in zip(back.images, rec.images, strict=True):
@@ -143,7 +143,7 @@ def test_a_solve_may_replace_one_of_another_size(scene: bpy.types.Scene, tmp_pat
     for count in (100, 285, 137, 322, 174, 211):
         reconstruction = slanted_plane(LENS, count=count)
         settings = build(scene, footage, reconstruction)
-        found = store.read(settings.points.data)
+        found = point_cloud.read(settings.points.data)
         np.testing.assert_array_equal(found.points.xyz, reconstruction.points.xyz)
         assert len(settings.points.data.vertices) == count
 

@@ -166,12 +166,6 @@ CASES = {
     "jump_to_focus_mark": Case(
         f"{PICK}::test_the_list_is_edited", "", undo="UNDO_GROUPED", why="every frame can be shown"
     ),
-    "jump_to_unseen": Case(
-        f"{PICK}::test_the_list_is_edited",
-        f"{PICK}::test_the_list_is_edited",
-        "What is in focus can be seen in all frames",
-        undo="UNDO_GROUPED",
-    ),
     "set_scale": Case(
         "ui/test_set_scale.py::test_two_clicks_and_a_length_are_the_scale",
         "ui/test_set_scale.py::test_a_scale_is_refused",

@@ -15,7 +15,7 @@ from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.repairs import Repair
 from addon.core.media.light import to_linear
-from addon.render.output.frame_keys import frame_keys
+from addon.render.output.frame_files import frame_keys
 from addon.scene.build import build
 from addon.scene.focus.focus_marks import set_focus
 from addon.scene.lens.lens import frame_options

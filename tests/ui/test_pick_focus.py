@@ -94,7 +94,7 @@ def test_in_a_pull_of_the_users_a_pick_is_the_next_key(
 
 def test_the_list_is_edited(scene: bpy.types.Scene, shot: Shot, capsys: pytest.CaptureFixture[str]) -> None:
     settings = scene.virtual_aperture
-    for operator in (OPERATORS.remove_focus_mark, OPERATORS.move_focus_mark, OPERATORS.jump_to_unseen):
+    for operator in (OPERATORS.remove_focus_mark, OPERATORS.move_focus_mark):
         with pytest.raises(RuntimeError, match="There are no focus marks; Pick Focus adds one"):
             operator()
     with pytest.raises(RuntimeError, match="Pick what should be sharp first"):
@@ -114,11 +114,10 @@ def test_the_list_is_edited(scene: bpy.types.Scene, shot: Shot, capsys: pytest.C
     assert frames(scene) == [3, 8] and settings.marks.active == 1
     assert OPERATORS.jump_to_focus_mark(frame=3) == {"FINISHED"}
     assert scene.frame_current == 3 and settings.marks.active == 0
-    with pytest.raises(RuntimeError, match="What is in focus can be seen in all frames"):
-        OPERATORS.jump_to_unseen()
+    assert "virtual_aperture.jump_to_frame" not in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).operators
     settings.marks.unseen = "2 5 7"
-    for frame in (5, 7, 2):
-        assert OPERATORS.jump_to_unseen() == {"FINISHED"} and scene.frame_current == frame
+    shown = draw(panels.focus.VIRTUAL_APERTURE_PT_focus)
+    assert "Hidden in 3 frames" in shown.texts and "virtual_aperture.jump_to_frame" in shown.operators
     assert OPERATORS.remove_focus_mark() == {"FINISHED"}
     assert frames(scene) == [8] and "Removed the focus mark at frame 3" in capsys.readouterr().out
     assert OPERATORS.remove_focus_mark() == {"FINISHED"}

@@ -79,7 +79,7 @@ def test_limits_follow_the_preferences(chosen: bpy.types.AddonPreferences) -> No
 
 
 def test_kept_depth_is_shown_and_deleted(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    delete, files = bpy.ops.virtual_aperture.delete_depth, panels.clip.VIRTUAL_APERTURE_PT_clip
+    delete, files = bpy.ops.virtual_aperture.delete_depth, panels.solve.VIRTUAL_APERTURE_PT_clip
     with pytest.raises(RuntimeError, match="Choose a clip first"):
         delete()
     work = choose_clip(scene, tmp_path)

@@ -99,12 +99,13 @@ def test_cameras_without_points_are_imported(
         bpy.ops.virtual_aperture.find_points()
 
 
-def test_a_recording_brings_its_clip(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """Chosen by a file in its folder, for the file browser shows files."""
+@pytest.mark.parametrize("name", ["import_solve", "drop_model"])
+def test_a_recording_brings_its_clip(scene: bpy.types.Scene, tmp_path: Path, name: str) -> None:
+    """Chosen by a file in its folder, for the file browser shows files; its depth is kept, too."""
     clip = files.write_clip(tmp_path / "shot")
     folder = files.stray(tmp_path / "recording", files.model(), clip)
     path = str(folder / "odometry.csv")
-    assert bpy.ops.virtual_aperture.import_solve(filepath=path) == {"FINISHED"}
+    assert getattr(bpy.ops.virtual_aperture, name)(filepath=path) == {"FINISHED"}
     assert Path(bpy.path.abspath(scene.virtual_aperture.footage)) == folder / "rgb.mp4"
     assert (folder / "rgb_lidar").is_dir()
 

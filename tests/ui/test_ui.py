@@ -15,7 +15,7 @@ from addon.core.media.clip import open_footage
 from addon.core.sfm.opening import Opening
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
-from addon.render.viewport.message import lines
+from addon.render.viewport.overlay import lines
 from addon.scene.build import build
 from addon.ui import panels
 from addon.ui.base.solving import Solving

@@ -11,7 +11,7 @@ import pytest
 
 import addon
 from addon.cli.main import run_command
-from addon.cli.words import WORDS as COMMAND_LINE
+from addon.cli.options import WORDS as COMMAND_LINE
 from addon.core.base.errors import Remedy, UserError
 from addon.core.sfm.process import SolveProcess
 from addon.scene.base.remedy_words import WORDS as INTERFACE

@@ -157,7 +157,7 @@ def message(program: Program, name: str) -> tuple[str, int, np.ndarray]:
     shot = program.shot(name)
     assert len(said) == 1
     lines, (left, bottom, right, top) = program.ask(
-        f"m, v = {MODULES}.render.viewport.message'], view('VIEW_3D')\n"
+        f"m, v = {MODULES}.render.viewport.overlay'], view('VIEW_3D')\n"
         f"list(m.ground({said[0]!r}, m.free_part(v['area'], v['region']),"
         " bpy.context.preferences.system.ui_scale))"
     )

@@ -17,9 +17,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import UserError
-from .file_lock import FileLock, is_abandoned
+from .file_lock import FileLock, is_abandoned, process_table
 from .file_names import checked_name
-from .processes import process_table
 
 PART = ".part-"
 """Prefix of an unfinished file or folder beside its place."""

@@ -1,19 +1,23 @@
-"""Lock files that a process holds while it lives, by a lock of the operating system that ends with it."""
+"""Lock files that a process holds while it lives, by a lock of the operating system that ends with it.
+
+They keep two solves out of one working folder, and two runs from writing one movie. Their owners are named by
+process and process table: numbers of processes are unique within one boot of a kernel and one namespace.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import json
 import os
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
-from types import TracebackType
 
-from .errors import UserError
-from .processes import host_name, is_gone, process_table
+from .errors import Remedy, UserError
 from .regular_file import is_regular, read_object
 
 HELD = {errno.EACCES, errno.EAGAIN, errno.EDEADLK}
@@ -27,6 +31,12 @@ FAR = 1 << 30
 PATIENCE, PAUSE = 0.2, 0.01
 """Seconds for which a lock is tried, and between tries; `is_abandoned` holds a lock for less than the first.
 """
+NAME = ".solving.lock"
+OUTPUT = ".virtual-aperture-"
+"""Prefix of an output's lock, which ends in .lock."""
+PROC = Path("/proc")
+UNKNOWN = "0" * 12
+"""Digits for a table that cannot be identified."""
 
 
 class FileLock:
@@ -73,9 +83,7 @@ class FileLock:
     def __enter__(self) -> None:
         return None
 
-    def __exit__(
-        self, _kind: type[BaseException] | None, _error: BaseException | None, _where: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.release()
 
     def release(self) -> None:
@@ -101,14 +109,13 @@ class FileLock:
 def claimed(path: Path) -> Iterator[bool]:
     """Hold a lock file unless another process does; yields whether none does. Without locks, none does."""
     is_free = True
-    lock: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
-    try:
-        lock = FileLock(path, UserError, patience=0)
-    except UserError:
-        is_free = False
-    except OSError:
-        pass
-    with lock:
+    with contextlib.ExitStack() as held:
+        try:
+            held.enter_context(FileLock(path, UserError, patience=0))
+        except UserError:
+            is_free = False
+        except OSError:
+            pass
         yield is_free
 
 
@@ -175,3 +182,86 @@ def _who(owner: dict[str, object]) -> str:
     if owner:
         return f" by process {owner.get('pid')} on {owner.get('host')} since {owner.get('since')}"
     return ""
+
+
+class FolderLock(FileLock):
+    """Holds an existing folder for solving; raises UserError with the owner's name if it is held."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(
+            folder / NAME,
+            lambda who: UserError(
+                f"{folder} is being solved into{who}; wait for it, cancel it, or choose another folder",
+                Remedy.WORK_DIR,
+            ),
+        )
+
+
+class OutputLock(FileLock):
+    """Holds an output file and makes its folder; raises UserError if it is held or cannot be written."""
+
+    def __init__(self, out: Path) -> None:
+        try:
+            out.parent.mkdir(parents=True, exist_ok=True)
+            collect_locks(out.parent)
+            super().__init__(
+                out.with_name(f"{OUTPUT}{out.name}.lock"),
+                lambda who: UserError(
+                    f"{out} is being written{who}; wait for it, cancel it, or choose another file"
+                ),
+            )
+        except OSError as error:
+            raise UserError(f"{out} cannot be written: {error.strerror or error}") from error
+
+
+def collect_locks(folder: Path) -> None:
+    """Remove the output locks whose owners have ended."""
+    for path in folder.glob(f"{OUTPUT}*.lock"):
+        owner = owner_of(path)
+        pid = owner.get("pid")
+        if is_abandoned(path, str(owner.get("table")), pid if isinstance(pid, int) else 0):
+            with contextlib.suppress(UserError, OSError):
+                FileLock(path, UserError).release()
+
+
+def host_name() -> str:
+    """Return the name of this machine; empty if the system does not report it."""
+    return os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")
+
+
+@cache
+def process_table() -> str:
+    """Return 12 hexadecimal digits of this process's table, or `UNKNOWN`.
+
+    Containers and copied machines share host names, but not boot IDs of Linux and process namespaces. Other
+    systems report neither.
+    """
+    if sys.platform != "linux":
+        return UNKNOWN
+    try:
+        start = (PROC / "sys/kernel/random/boot_id").read_text()
+        named = f"{host_name()} {start} {(PROC / 'self/ns/pid').readlink()}"
+    except OSError:
+        return UNKNOWN
+    return hashlib.sha256(named.encode()).hexdigest()[: len(UNKNOWN)]
+
+
+def is_gone(table: str, pid: int) -> bool:
+    """Return whether a process of this process's own table has certainly ended."""
+    if UNKNOWN in (table, process_table()) or table != process_table():
+        return False
+    return pid != os.getpid() and not _is_alive(pid)
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    # A zombie still has its number. The mounted table may be another namespace's.
+    with contextlib.suppress(OSError, IndexError):
+        if (PROC / "self").readlink() == Path(str(os.getpid())):
+            return (PROC / f"{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0] != "Z"
+    return True

@@ -172,9 +172,9 @@ class Job:
         if isinstance(self._last, Failure):
             return self._last
         if status < 0:
-            return Failure(f"the {self._program} was ended by {signal.Signals(-status).name}", 128 - status)
+            return Failure(f"the {self._program} was ended by {signal.Signals(-status).name}")
         said = f" ({self._complaints[-1].removeprefix('error: ')})" if self._complaints else ""
-        return Failure(f"the {self._program} ended with status {status}{said}", status)
+        return Failure(f"the {self._program} ended with status {status}{said}")
 
 
 def end(jobs: Sequence[Job], patience: float = PATIENCE) -> None:

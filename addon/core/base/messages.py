@@ -59,8 +59,6 @@ class Failure:
 
     text: str
     """One line for the user."""
-    code: int = 1
-    """Exit status."""
     remedies: tuple[Remedy, ...] = ()
     traceback: str = ""
     """Traceback of a bug; empty for a problem that the user can solve."""

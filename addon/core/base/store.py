@@ -251,10 +251,7 @@ def delete_kept(folder: Path) -> int:
 
     OSError where a file cannot be deleted.
     """
-    freed = 0
-    for each in _folders(folder):
-        freed += _delete(each)
-    return freed
+    return sum(_delete(each) for each in _folders(folder))
 
 
 def encoded(plane: NDArray[np.generic]) -> Bytes:

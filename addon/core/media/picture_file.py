@@ -44,9 +44,9 @@ class Picture(NamedTuple):
     """Width and height in stored pixels."""
 
 
-def read_picture(path: Path, is_depth: bool = False) -> Pixels:
-    """Read a picture file, as `Picture.pixels`; arguments and errors as of `open_picture`."""
-    return open_picture(path, is_depth).pixels
+def read_picture(path: Path) -> Pixels:
+    """Read a picture file, as `Picture.pixels`; errors as of `open_picture`."""
+    return open_picture(path).pixels
 
 
 def open_picture(path: Path, is_depth: bool = False, pixel_aspect: float = 0.0) -> Picture:

@@ -10,12 +10,12 @@ PEAK = 1000.0
 """cd/m2 that become the display's brightest: HLG's nominal peak, and that of the usual PQ master."""
 
 
-def tone_mapped(light: Floats, peak: float = PEAK) -> Floats:
-    """Return light (...) of 0 to `peak` cd/m2, in which white is 1, as that of a display up to 1.
+def tone_mapped(light: Floats) -> Floats:
+    """Return light (...) of 0 to `PEAK` cd/m2, in which white is 1, as that of a display up to 1.
 
     Below a knee at 0.44, for 1,000 cd/m2, nothing changes; white becomes 0.78.
     """
-    top, limit = _pq(peak), _pq(WHITE)
+    top, limit = _pq(PEAK), _pq(WHITE)
     least = limit / top
     knee = 1.5 * least - 0.5
     signal = np.minimum(_pq(np.maximum(light, 0) * WHITE) / top, 1)

@@ -12,8 +12,8 @@ from typing import Any
 from ..base import atomic
 from ..base.digest import file_digest
 from ..base.errors import Remedy, UserError
+from ..base.file_lock import NAME, FolderLock
 from ..base.file_names import checked_name
-from ..base.folder_lock import NAME, FolderLock
 from ..base.regular_file import read_object, read_regular
 from ..media.clip import Footage
 from ..media.clip_identity import identity

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import Remedy, UserError
-from ..base.folder_lock import FolderLock
+from ..base.file_lock import FolderLock
 from ..base.messages import Failure, Progress, Result, send, speak
 from ..base.parcel import unpack
 from ..camera.focal_length import from_equivalent, is_plausible

@@ -21,8 +21,7 @@ from ..base.file_names import checked_name
 from ..base.npz import read_arrays
 from ..camera.reconstruction import Reconstruction, upright
 from ..media.clip import Footage, FrameRange, open_footage
-from ..media.clip_identity import identity, is_same_clip
-from ..media.find_clip import clip_exists
+from ..media.clip_identity import clip_exists, identity, is_same_clip
 from ..media.video import first_frame
 from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model

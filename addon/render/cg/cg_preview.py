@@ -17,7 +17,7 @@ from ...core.frame.cg_layers import NO_CG, CGObjects, DrawCG
 from ...scene.base.events import at
 from ...scene.base.timeline import clip_frame
 from ...scene.cg_objects import cg_objects, stays_sharp
-from ..processes.blend_file import write_blend
+from ..processes.launcher import write_blend
 from .cg_process import CGProcess
 
 KEPT = 8

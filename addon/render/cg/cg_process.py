@@ -25,8 +25,7 @@ from ...scene.base.events import RENDERS, at
 from ...scene.base.timeline import clip_frame
 from ...scene.cg_objects import cg_objects
 from ...scene.gpu import main_thread
-from ..processes.blend_file import write_blend
-from ..processes.launcher import CalledProcess, start
+from ..processes.launcher import CalledProcess, start, write_blend
 from .cycles_layers import Wanted, draw
 
 View = tuple[str, int]

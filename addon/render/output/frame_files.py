@@ -1,4 +1,4 @@
-"""Rendered pictures and movies on disk: verified by reading, each still with the key of its inputs.
+"""Rendered pictures and movies on disk: verified by reading, each still with the key of all its inputs.
 
 The key is in the picture's metadata (Blender's stamp note), so a file never describes another one, several
 processes can write into one folder, and a moved or copied file keeps its key. A digest of the file's other
@@ -18,10 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.base.counting import ranges
+from ...core.base.digest import code_digest
 from ...core.base.errors import UserError
 from ...core.base.regular_file import open_regular, read_regular, regular_stat
+from ...core.media.clip_identity import clip_digest
 from ...core.media.picture_file import Pixels, read_picture
 from ...core.media.video import VideoReader, video_info
+from ...scene.base.timeline import go_to
+from ...scene.lens.lens import frame_options
+from ...scene.sources.shot import Shot, shot_of
+from ..views.frame_size import render_size, written_size
 
 HEADER = 1 << 16
 """Bytes of a file in which its metadata is looked for; Blender writes it before the pixels."""
@@ -38,6 +44,11 @@ _CRC = 4
 """Bytes of the checksum behind a PNG's chunk."""
 _NOTE = re.compile(rb"virtual-aperture-frame ([0-9a-f]{64}) ([0-9a-f]{64})")
 _UNSEALED = "0" * 64
+ROOMS = "core", "scene", "render"
+"""Folders of the add-on whose code pictures depend on: a run that goes on mixes none of other code."""
+GRADED = "virtual_aperture_run"
+"""Property of a scene with other influences on the pictures, such as the compositor or CG objects. They have
+no digest, so the property identifies the run, or file."""
 
 
 def note_of(key: str) -> str:
@@ -262,3 +273,41 @@ def blender_path(path: Path) -> str:
     """Return a path as Blender's output setting takes it: braces are templates, two slashes the folder."""
     text = str(path.absolute()).replace("{", "{{").replace("}", "}}")
     return "/" + text.lstrip("/") if text.startswith("//") else text
+
+
+def run_key(scene: bpy.types.Scene) -> str:
+    """Return 64 hexadecimal digits of all inputs of a clip's pictures that are common to its frames.
+
+    A keyed lens is that of the clip's first frame, which is shown.
+    """
+    return _with_lens(scene, _clip_key(scene), shot_of(scene).footage.frames[0])
+
+
+def frame_keys(scene: bpy.types.Scene, frames: list[int]) -> dict[int, str]:
+    """Return 64 hexadecimal digits of all inputs of each frame's picture. The frames are shown."""
+    key = _clip_key(scene)
+    return {frame: _with_lens(scene, f"{key} {frame}", frame) for frame in frames}
+
+
+def _clip_key(scene: bpy.types.Scene) -> str:
+    """The key of all inputs but the lens."""
+    shot = shot_of(scene)
+    parts = (
+        code_digest(*ROOMS), clip_digest(shot.footage.path), shot.clip_digests, shot.mask_digests,
+        _depth_digest(shot), shot.working, render_size(scene.render), written_size(scene.render),
+        scene.get(GRADED),
+    )  # fmt: skip
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+def _with_lens(scene: bpy.types.Scene, key: str, frame: int) -> str:
+    """A key together with the lens at a frame: its settings may be keyed."""
+    go_to(scene, frame)
+    lens = frame_options(scene.virtual_aperture, shot_of(scene).reconstruction)
+    return hashlib.sha256(f"{key} {lens!r}".encode()).hexdigest()
+
+
+def _depth_digest(shot: Shot) -> tuple[str, list[float]] | None:
+    if shot.depth is None:
+        return None
+    return clip_digest(shot.depth.maps.pictures.path), shot.depth.fit.line.tolist()

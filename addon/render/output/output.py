@@ -11,8 +11,8 @@ import bpy
 from ...core.base import atomic
 from ...core.base.counting import counted, ranges
 from ...core.base.errors import Remedy, UserError
+from ...core.base.file_lock import OutputLock
 from ...core.base.file_names import check_file, checked_name, leads_nowhere
-from ...core.base.folder_lock import OutputLock
 from ...core.base.time_left import Clock
 from ...core.frame.warped_frame import forecast
 from ...core.media.clip import Footage
@@ -26,7 +26,6 @@ from ..cg import cg_process
 from ..processes.jobs import Here
 from ..views.frame_size import render_size, written_size
 from . import frame_files, movie_file, movie_folder
-from .frame_keys import frame_keys
 from .movie_file import MOVIES, join
 
 STILLS = {".png": "PNG", ".exr": "OPEN_EXR"}
@@ -159,7 +158,7 @@ def render_sequence(
     """
     atomic.collect_orphans(out.parent)
     targets = {frame: out.with_name(numbered(out.name, frame)) for frame in frames}
-    keys = frame_keys(scene, frames)
+    keys = frame_files.frame_keys(scene, frames)
     todo = {frame: _stamp(targets[frame]) for frame in _missing(targets, keys, overwrite, report)}
     set_still(scene, out.suffix.lower(), shot_of(scene).footage)
     clock = Clock("frames", len(todo), report)

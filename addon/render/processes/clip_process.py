@@ -7,19 +7,26 @@ subjects and highlights are remembered as long as they are worked with.
 from __future__ import annotations
 
 import time
+from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from weakref import ref
 
+from ...core.base.atomic import hand_over
 from ...core.base.calls import Call, Caller
 from ...core.base.job import Job
+from ...core.base.parcel import pack, unpack
 from ...scene.base.events import watch
+from ...scene.sources.shot import Filmed, Shot
 from .launcher import CalledProcess, start
-from .shots import SentShots
 
 IDLE = 30.0
 """Seconds that a process waits for another call: the next picture comes at once meanwhile."""
 LOOK = 1.0
 """Seconds between two looks whether it is idle."""
+KEPT = 2
+"""Shots that are remembered: an undo leads to the one before. Others are read again."""
 
 
 class ClipProcess(CalledProcess):
@@ -72,3 +79,48 @@ class ClipProcess(CalledProcess):
 
 CLIP = ClipProcess()
 """The one of this Blender: it takes all processors, so there are not two."""
+
+
+class SentShots:
+    """Names of shots, for `parcel.pack`."""
+
+    def __init__(self, folder: Path) -> None:
+        """Shots go into the folder as they are first named."""
+        self._folder = folder
+        self._sent: list[tuple[ref[Shot], ref[Filmed]]] = []
+        """Each shot and its clip, which may have gone meanwhile."""
+
+    def __call__(self, thing: object) -> object:
+        if not isinstance(thing, Shot):
+            return None
+        for number, (shot, _) in enumerate(self._sent):
+            if shot() is thing:
+                return number
+        number = len(self._sent)
+        # Strokes leave the clip as it is.
+        clip = next((n for n, (_, filmed) in enumerate(self._sent) if filmed() is thing.clip), number)
+        self._sent.append((ref(thing), ref(thing.clip)))
+        hand_over(_path(self._folder, number), pack((clip, replace(thing, filmed=None, found=None))))
+        return number
+
+
+class ReceivedShots:
+    """Shots by name, for `parcel.unpack`."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._known: OrderedDict[int, tuple[int, Shot]] = OrderedDict()
+
+    def __call__(self, number: int) -> Shot:
+        if number not in self._known:
+            clip, shot = unpack(_path(self._folder, number).read_bytes())
+            alike = [other for other_clip, other in self._known.values() if other_clip == clip]
+            self._known[number] = clip, alike[-1].with_subjects(shot.subjects) if alike else shot
+        self._known.move_to_end(number)
+        while len(self._known) > KEPT:
+            self._known.popitem(last=False)
+        return self._known[number][1]
+
+
+def _path(folder: Path, number: int) -> Path:
+    return folder / f"shot-{number}"

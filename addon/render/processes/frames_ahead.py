@@ -33,8 +33,7 @@ from ...core.base.progress import checkpoint
 from ...scene.base.events import RENDERS, at
 from ...scene.gpu import main_thread
 from . import jobs
-from .blend_file import write_blend
-from .launcher import start
+from .launcher import start, write_blend
 
 LOOK = 0.02
 """Seconds between two looks for a frame that another process draws."""
@@ -199,7 +198,8 @@ def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int) -> DrawnFrame |
             _is_tried = True
             frames = range(frame, scene.frame_end + 1, scene.frame_step)
             # This process mostly waits, as others draw the next frames.
-            count = _fitting(scene, pixels)
+            count, render = jobs.fitting(pixels), scene.render
+            count = min(count, render.threads) if render.threads_mode == "FIXED" else count
             if count > 1 and len(frames) >= jobs.LEAST_SHARE:
                 _ahead = FramesAhead.begin(scene, frames, count)
         return None if _ahead is None else _ahead.frame(frame)
@@ -207,12 +207,6 @@ def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int) -> DrawnFrame |
         # Such as a full disk: the frames can be drawn here as well.
         _end()
         return None
-
-
-def _fitting(scene: bpy.types.Scene, pixels: int) -> int:
-    """Processes that work well side by side, and that the scene's render settings allow."""
-    fitting = jobs.fitting(pixels)
-    return min(fitting, scene.render.threads) if scene.render.threads_mode == "FIXED" else fitting
 
 
 def _end() -> None:

@@ -1,4 +1,4 @@
-"""Other processes of this command line."""
+"""Other processes of this command line, and the scene as a .blend for them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,19 @@ import bpy
 import gpu
 
 from ...core.base import limits
-from ...core.base.atomic import temporary_folder, write_bytes
+from ...core.base.atomic import staged, temporary_folder, write_bytes
 from ...core.base.calls import Caller, Named
+from ...core.base.errors import UserError
 from ...core.base.job import Job, Leaving, end_meanwhile
+from ..views.quiet import quiet
 
 HEADLESS = Path(__file__).resolve().parents[2] / "headless.py"
 JOB = "--job"
 """Before the file of a job, instead of a command."""
 BACKENDS = {"METAL", "OPENGL", "VULKAN"}
 """Blender's GPU backends but that without a GPU."""
+ENDS = b"ENDB", b"\xb1\xea\x92\x8f"
+"""Ends of a .blend: its last block, or, if it is compressed, the number of Zstandard's seek table."""
 
 
 def launcher() -> list[str]:
@@ -64,6 +68,25 @@ def start(
     write_bytes(file, json.dumps(told).encode())
     environment = os.environ | (limits.ONE_THREAD if one_thread else {})
     job.start([*launcher(), JOB, str(file)], yields and not bpy.app.background, environment)
+
+
+def write_blend(blend: Path) -> None:
+    """Write the open scene as a .blend with relative paths, atomically.
+
+    Raises:
+        UserError: It cannot be written.
+    """
+    with staged(blend) as part:
+        try:
+            with quiet(1):
+                bpy.ops.wm.save_as_mainfile(filepath=str(part), check_existing=False, copy=True)
+        except RuntimeError as error:
+            raise UserError(f"{blend} cannot be written: {str(error).strip()}") from None
+        finally:
+            part.with_name(part.name + "1").unlink(missing_ok=True)
+        # Blender does not always notice that it could not write on.
+        if not part.is_file() or not any(end in part.read_bytes()[-64:] for end in ENDS):
+            raise UserError(f"{blend} could not be written completely; is the disk full?")
 
 
 class CalledProcess:

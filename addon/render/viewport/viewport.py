@@ -30,8 +30,7 @@ from ..cg import cg_preview
 from ..processes.clip_process import CLIP
 from ..views.frame_size import render_size, shape_problem
 from ..views.gpu_views import upload
-from . import message
-from .overlay import Rectangle, draw_texture, fill
+from .overlay import Rectangle, draw_label, draw_message, draw_texture, fill
 from .pictures import FAIR, FINE, Half, Picture, Wanted
 from .preview import Preview
 
@@ -183,9 +182,9 @@ def draw_words() -> None:
         return
     scale = context.preferences.system.ui_scale
     if shown.said:
-        message.draw(shown.said, context.area, context.region, scale)
+        draw_message(shown.said, context.area, context.region, scale)
     if shown.level and shown.frame is not None:
-        message.draw_label(shown.level, shown.frame, context.area, context.region, scale)
+        draw_label(shown.level, shown.frame, context.area, context.region, scale)
 
 
 def camera_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> Rectangle | None:

@@ -1,6 +1,6 @@
 """Views of a warp mesh drawn with Blender's gpu module and averaged in linear light.
 
-A view of a triangle is an affine warp (see `core.warpmesh`), so a vertex shader that shifts vertices by
+A view of a triangle is an affine warp (see `core/warp/mesh.py`), so a vertex shader that shifts vertices by
 their inverse depth draws exactly what a virtual pinhole camera sees.
 """
 

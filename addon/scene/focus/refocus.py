@@ -11,7 +11,7 @@ from ...core.camera.reconstruction import Reconstruction
 from ...core.focus.focus import Focus
 from ...core.focus.pull import FocusMark
 from ...core.focus.transfer import carry_focus, carry_place
-from ...core.media.find_clip import is_clip
+from ...core.media.clip_identity import is_clip
 from ..lens import lens
 from ..sources.shot import reconstruction_of
 from . import focus_marks

@@ -8,7 +8,7 @@ from bpy.props import CollectionProperty, EnumProperty, FloatProperty, FloatVect
 
 from ...core.frame.repairs import KINDS, Repair
 from ..base import redraw
-from ..sources.subjects import VirtualApertureStrokePlace
+from ..sources.subjects import VirtualApertureStrokePlace, changed
 
 BRUSH = Repair("nearer", 1, ((0.5, 0.5),))
 """Gives the brush its defaults."""
@@ -88,17 +88,7 @@ def add_repairs(settings: bpy.types.PropertyGroup, repairs: Sequence[Repair]) ->
         for place in each.places:
             kept.places.add().xy = place
     group.active = max(len(group.items) - 1, 0)
-    settings.id_data.update_tag()
-    redraw.viewports()
-
-
-def remove_repair(settings: bpy.types.PropertyGroup, index: int) -> None:
-    """Remove a repair."""
-    group = settings.repairs
-    group.items.remove(index)
-    group.active = max(min(group.active, len(group.items) - 1), 0)
-    settings.id_data.update_tag()
-    redraw.viewports()
+    changed(group)
 
 
 CLASSES = (VirtualApertureRepair, VirtualApertureRepairs)

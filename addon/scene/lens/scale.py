@@ -41,19 +41,15 @@ def sensor_millimetres(settings: bpy.types.PropertyGroup) -> float:
 
 def scale(settings: bpy.types.PropertyGroup) -> float:
     """Metres that a unit of the scene is long: as given, else guessed, else assumed; 0 without a solve."""
-    return known_scale(settings) or _assumed_scale(settings)
+    try:
+        return known_scale(settings) or _assumed_for(reconstruction_of(settings))
+    except UserError:
+        return 0.0
 
 
 def known_scale(settings: bpy.types.PropertyGroup) -> float:
     """Metres that a unit of the scene is long: as given, else by the people in the clip; else 0."""
     return float(settings.metres_per_unit) or float(settings.guessed_scale)
-
-
-def _assumed_scale(settings: bpy.types.PropertyGroup) -> float:
-    try:
-        return _assumed_for(reconstruction_of(settings))
-    except UserError:
-        return 0.0
 
 
 @remembered(1)

@@ -1,14 +1,111 @@
-"""The feature points as a mesh whose vertices can be picked."""
+"""The reconstruction inside the .blend, in double precision.
+
+Object transforms and vertices are float32 and a user may edit them, so the engine reads what structure
+from motion found from custom property arrays of the point cloud's mesh, where it is kept to the last bit.
+"""
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
-from ...core.camera.reconstruction import Reconstruction
+from ...core.base.errors import UserError
+from ...core.camera.distortion import FAMILIES, PARAMETERS, term_names
+from ...core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 
+PREFIX = "virtual_aperture_"
+VERSION = 3
+READOUT = PREFIX + "readout"
+IS_ORDERED = PREFIX + "is_ordered"
+ROW = "width", "height", "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"
+"""Fields of `Intrinsics`, of which a camera has a row."""
+MODELS = tuple(PARAMETERS)
+MOST_TERMS = max(len(term_names(family)) for family in FAMILIES)
 ID_ATTRIBUTE = "point"
 """Vertex attribute with the point's ID: vertices may be deleted, IDs stay."""
 HIDDEN = "Hidden"
 """Name of the modifier that leaves no vertex to draw outside of Edit Mode, and of its empty vertex group."""
+
+
+def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
+    """Keep a reconstruction in a mesh's custom properties, replacing the one that was there."""
+    cameras, images, points = reconstruction.cameras, reconstruction.images, reconstruction.points
+    arrays: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
+        "cameras": np.array([[getattr(c, name) for name in ROW] for c in cameras]).ravel(),
+        "lens_models": np.array([MODELS.index(c.model) for c in cameras], dtype=np.int32),
+        "lens_terms": np.array([np.pad(c.terms, (0, MOST_TERMS - len(c.terms))) for c in cameras]).ravel(),
+        "frames": reconstruction.frames,
+        "image_cameras": np.array([i.camera for i in images], dtype=np.int32),
+        "rotations": np.array([i.rotation for i in images]).ravel(),
+        "translations": np.array([i.translation for i in images]).ravel(),
+        "counts": np.array([len(i.points) for i in images], dtype=np.int32),
+        "seen_points": np.concatenate([i.points for i in images]).astype(np.int32),
+        "seen_xy": np.concatenate([i.xy for i in images]).ravel(),
+        "visible_counts": np.array([len(i.visible) for i in images], dtype=np.int32),
+        "visible_points": np.concatenate([i.visible for i in images]).astype(np.int32),
+        "xyz": points.xyz.ravel(),
+        "rgb": points.rgb.astype(np.int32).ravel(),
+        "error": points.error,
+    }
+    mesh[PREFIX + "version"] = VERSION
+    mesh[IS_ORDERED] = reconstruction.is_ordered
+    mesh[READOUT] = reconstruction.readout
+    for name, array in arrays.items():
+        # Blender 5.2 writes an array over one of another length in place, past its end.
+        if PREFIX + name in mesh:
+            del mesh[PREFIX + name]
+        mesh[PREFIX + name] = np.ascontiguousarray(array)
+
+
+def is_ordered(mesh: bpy.types.Mesh) -> bool:
+    """Return whether a mesh that keeps a reconstruction keeps a clip's, not one of photos in no order."""
+    return bool(mesh.get(IS_ORDERED, True))
+
+
+def read(mesh: bpy.types.Mesh) -> Reconstruction:
+    """Return the reconstruction kept in a mesh; UserError if there is none or a newer version wrote it."""
+    version = mesh.get(PREFIX + "version")
+    if version is None:
+        raise UserError(f"the mesh {mesh.name!r} holds no solve; solve the clip or import a solve of it")
+    if version != VERSION:
+        raise UserError(
+            f"another version of Virtual Aperture made the solve in {mesh.name!r}; update the extension, or"
+            " solve the clip again"
+        )
+
+    def array(name: str) -> NDArray[np.float64]:
+        return np.array(mesh[PREFIX + name], dtype=np.float64)
+
+    def integers(name: str) -> NDArray[np.int32]:
+        return np.array(mesh[PREFIX + name], dtype=np.int32)
+
+    rotations = array("rotations").reshape(-1, 3, 3)
+    translations = array("translations").reshape(-1, 3)
+    splits = np.cumsum(integers("counts"))[:-1]
+    seen = np.split(integers("seen_points"), splits)
+    xy = np.split(array("seen_xy").reshape(-1, 2), splits)
+    cameras = integers("image_cameras")
+    visible = np.split(integers("visible_points"), np.cumsum(integers("visible_counts"))[:-1])
+    images = tuple(
+        Image(int(frame), rotations[i], translations[i], xy[i], seen[i], int(cameras[i]), visible[i])
+        for i, frame in enumerate(integers("frames"))
+    )
+    points = Points(
+        array("xyz").reshape(-1, 3), integers("rgb").reshape(-1, 3).astype(np.uint8), array("error")
+    )
+    rows = array("cameras").reshape(-1, len(ROW))
+    terms = array("lens_terms").reshape(len(rows), -1)
+    lenses = tuple(
+        _intrinsics(row, MODELS[model], more)
+        for row, model, more in zip(rows, integers("lens_models"), terms, strict=True)
+    )
+    across, down = mesh[READOUT]
+    return Reconstruction(lenses, images, points, is_ordered(mesh), (float(across), float(down)))
+
+
+def _intrinsics(row: NDArray[np.float64], model: str, terms: NDArray[np.float64]) -> Intrinsics:
+    count = 0 if model == "OPENCV" else len(term_names(model))
+    numbers = dict(zip(ROW[2:], row[2:].tolist(), strict=True))
+    return Intrinsics(int(row[0]), int(row[1]), **numbers, model=model, terms=tuple(terms[:count].tolist()))
 
 
 def is_shown(thing: bpy.types.Object) -> bool:

@@ -8,7 +8,7 @@ import bpy
 
 from ...core.base.errors import Remedy, UserError
 from ...core.media.clip import Footage, FrameRange
-from ...core.media.find_clip import clip_exists, find_clip, is_clip
+from ...core.media.clip_identity import clip_exists, find_clip, is_clip
 from ...core.sfm.workspace import recorded_clip
 from ..base.paths import absolute, own_file
 from ..base.preferences import preferred_work_dir

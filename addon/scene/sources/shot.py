@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ...core.base.arrays import Floats, Map
-from ...core.base.code import code_digest
+from ...core.base.digest import code_digest
 from ...core.base.errors import UserError
 from ...core.base.lru_cache import remembered
 from ...core.base.store import NOT_KEPT, Store
@@ -37,7 +37,7 @@ from ..base import version
 from ..base.paths import absolute
 from ..base.timeline import check_frames, clip_frame
 from ..gpu import gpu_matcher
-from ..solve import store
+from ..solve import point_cloud
 from . import subjects
 from .clip import solved_clip_path, solved_part, work_dir
 from .colour_space import REC_709, from_rec_709, space_of, working_space
@@ -134,8 +134,10 @@ class Shot:
 
     @cached_property
     def _found(self) -> ClipSubjects:
+        # Kept whatever strokes there are.
+        kept = self._kept(lambda: self._key(Networks().exist))
         return self.found or ClipSubjects(
-            self.reconstruction, lambda frame: self.context.scene(frame), self._kept(self._subject_key),
+            self.reconstruction, lambda frame: self.context.scene(frame), kept,
             fixed=lambda: None if self.fixed is None else self.fixed.covered,
         )  # fmt: skip
 
@@ -166,10 +168,6 @@ class Shot:
         """16 hexadecimal digits of all inputs of the clip's depth in a quality, as its files are now."""
         marked = tuple(each.key for each in self.subjects)
         return self._key(marked, quality.stereo_side, quality.fusion, Networks().exist)
-
-    def _subject_key(self) -> str:
-        """The same for subjects, independent of strokes."""
-        return self._key(Networks().exist)
 
     def _highlight_key(self) -> str:
         """The same of highlights, whatever moves."""
@@ -287,9 +285,9 @@ def reconstruction_of(settings: bpy.types.PropertyGroup) -> Reconstruction:
         return _last[1].reconstruction
     identity = mesh.get(IDENTITY)
     if identity is None:
-        return store.read(mesh)
+        return point_cloud.read(mesh)
     if _read is None or _read[0] != identity:
-        _read = identity, store.read(mesh)
+        _read = identity, point_cloud.read(mesh)
     return _read[1]
 
 

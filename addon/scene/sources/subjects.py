@@ -128,20 +128,19 @@ def set_strokes(settings: bpy.types.PropertyGroup, name: str, strokes: Sequence[
             each.strokes.clear()
             each.unsure = ""
     add_strokes(settings, name, strokes)
-    _changed(settings)
+    changed(settings)
 
 
-def remove(settings: bpy.types.PropertyGroup, index: int) -> None:
-    """Mark a subject no more."""
-    group = settings.subjects
-    group.items.remove(index)
+def remove_active(group: bpy.types.PropertyGroup) -> None:
+    """Remove the active one of a group of subjects or repairs."""
+    group.items.remove(group.active)
     group.active = max(min(group.active, len(group.items) - 1), 0)
-    _changed(settings)
+    changed(group)
 
 
-def _changed(settings: bpy.types.PropertyGroup) -> None:
-    """Redraw viewports: the moving pixels have changed."""
-    settings.id_data.update_tag()
+def changed(group: bpy.types.PropertyGroup) -> None:
+    """Have the scene drawn again: what strokes mark or mend has changed."""
+    group.id_data.update_tag()
     redraw.viewports()
 
 

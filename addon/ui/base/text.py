@@ -2,7 +2,7 @@
 
 import bpy
 
-from ...render.viewport.message import lines
+from ...render.viewport.overlay import lines
 
 MARGIN = 85
 """Pixels of a panel's width that its text does not get, at a resolution scale of 1."""

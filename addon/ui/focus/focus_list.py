@@ -12,7 +12,7 @@ from ...scene.lens import aperture_cloud, blender_focus
 from ...scene.lens.depth_of_field import length_words
 from ..base.operators import Acts, Edits, has_focus, has_solve, is_met, may_change, polls, requires
 from ..base.text import list_row
-from ..jobs.report_list import next_of
+from ..jobs.report_list import draw_jump
 from ..picking.pick_vertices import focus_on
 from . import thumbnails
 
@@ -21,18 +21,15 @@ FRAME, NAME = 0.16, 0.7
 of the sidebar, frame, name and distance are complete. Chosen by inspection."""
 
 
-def has_marks(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
-    """Poll: there is a focus mark, and the keys are the marks'."""
-    marks = context.scene.virtual_aperture.marks.items
-    return has_solve(cls, context) and is_met(
-        cls, len(marks), "There are no focus marks; Pick Focus adds one"
-    )
+has_marks = requires(
+    lambda c: len(c.scene.virtual_aperture.marks.items), "There are no focus marks; Pick Focus adds one"
+)
 
 
 class ChangesMarks(Edits):
     """An operator that changes the focus marks, of which there is one at least."""
 
-    poll = polls(may_change, has_marks)
+    poll = polls(may_change, has_solve, has_marks)
 
     def act(self, context: bpy.types.Context) -> str:
         said = self.change(context.scene.virtual_aperture, clip_frame(context.scene))
@@ -125,39 +122,12 @@ class VIRTUAL_APERTURE_OT_jump_to_focus_mark(Acts, bpy.types.Operator):  # noqa:
 
     frame: bpy.props.IntProperty(name="Frame", options={"SKIP_SAVE"})
 
-    poll = polls(has_marks)
+    poll = polls(has_solve, has_marks)
 
     def act(self, context: bpy.types.Context) -> None:
         group = context.scene.virtual_aperture.marks
         go_to(context.scene, self.frame)
         group.active = next((n for n, m in enumerate(group.items) if m.frame == self.frame), group.active)
-
-
-class VIRTUAL_APERTURE_OT_jump_to_unseen(Acts, bpy.types.Operator):  # noqa: N801
-    """Go to the next frame in which the thing in focus is hidden.
-
-    Its distance is estimated there; pick it again if it is off
-    """
-
-    bl_label = "Next Frame With Hidden Focus"
-    bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
-
-    poll = polls(
-        has_marks,
-        requires(
-            lambda c: c.scene.virtual_aperture.marks.unseen, "What is in focus can be seen in all frames"
-        ),
-    )
-
-    def act(self, context: bpy.types.Context) -> None:
-        scene = context.scene
-        frames = unseen_frames(scene.virtual_aperture)
-        go_to(scene, next_of(frames, clip_frame(scene)))
-
-
-def unseen_frames(settings: bpy.types.PropertyGroup) -> list[int]:
-    """Return the frames of a mark that do not show its focus."""
-    return [int(frame) for frame in settings.marks.unseen.split()]
 
 
 class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  # noqa: N801
@@ -169,7 +139,7 @@ class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  
     bl_label = "Restore Focus Mark Keys"
 
     poll = polls(
-        may_change, has_marks,
+        may_change, has_solve, has_marks,
         requires(
             lambda c: focus_curve.is_users(c.scene.virtual_aperture),
             "The keyframes are those of the focus marks",
@@ -200,10 +170,10 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
             row.active = mark.easing != "CUT"
             row.prop(mark, "pull")
         layout.prop(mark, "holds")
-    if hidden := unseen_frames(settings):
+    if hidden := [int(frame) for frame in group.unseen.split()]:
         line = layout.row(align=True)
         line.label(text=f"Hidden in {counted(len(hidden), 'frame')}", icon="HIDE_ON")
-        line.operator(VIRTUAL_APERTURE_OT_jump_to_unseen.bl_idname, text="", icon="FRAME_NEXT")
+        draw_jump(line, context, hidden)
     # Keys of a typed distance are the user's own, as no mark wrote any.
     is_picked = any(not place.is_bare for mark in group.items for place in mark.places)
     if focus_curve.is_users(settings) and (group.written or is_picked):

@@ -22,7 +22,7 @@ from ...scene.sources.shot import Shot, shot_of
 from ..base.operators import Acts, has_solve, may_change, polls, requires
 from ..base.text import list_row
 from ..base.work import WorksMeanwhile
-from ..jobs.report_list import VIRTUAL_APERTURE_OT_jump_to_frame, next_of
+from ..jobs.report_list import draw_jump
 from ..picking.pick_subject import VIRTUAL_APERTURE_OT_pick_subject
 from ..picking.pick_vertices import ADD_MARK, focus_on
 
@@ -162,7 +162,7 @@ class VIRTUAL_APERTURE_OT_remove_subject(OfActive, bpy.types.Operator):  # noqa:
         subject = subjects.active(settings)
         assert subject is not None  # `poll` asks for it.
         name = subject.name
-        subjects.remove(settings, settings.subjects.active)
+        subjects.remove_active(settings.subjects)
         return f"Removed the subject {name}"
 
 
@@ -183,5 +183,4 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if subject is not None and (unsure := [int(frame) for frame in subject.unsure.split()]):
         line = layout.row(align=True)
         line.label(text=f"Uncertain in {counted(len(unsure), 'frame')}", icon="QUESTION")
-        jump = line.operator(VIRTUAL_APERTURE_OT_jump_to_frame.bl_idname, text="", icon="FRAME_NEXT")
-        jump.frame = next_of(unsure, clip_frame(context.scene))
+        draw_jump(line, context, unsure)

@@ -8,8 +8,7 @@ import numpy as np
 
 from ...core.base.arrays import Floats
 from ...core.camera.reconstruction import Reconstruction
-from ...render.viewport.message import free_part
-from ...render.viewport.overlay import Rectangle
+from ...render.viewport.overlay import Rectangle, free_part
 from ...render.viewport.viewport import frame_in_region
 
 MARGIN = 0.98

@@ -1,4 +1,4 @@
-"""File > Import, and files dropped on the 3D viewport: a clip, or what another program solved of it.
+"""A clip, or what another program solved of it: chosen, by File > Import, or dropped on the 3D viewport.
 
 Blender hands files to a `FileHandler` by their endings, and folders to none: these are for File > Import.
 """
@@ -8,24 +8,77 @@ from pathlib import Path
 import bpy
 
 from ...core.base.errors import UserError
-from ...core.media.clip import Footage
-from ...core.media.clip_identity import is_same_clip
-from ...core.media.find_clip import is_clip
+from ...core.media.clip_identity import is_clip, is_same_clip
 from ...core.media.picture_file import PICTURES
-from ...core.readers.matching import Imported
+from ...core.media.sequence import pattern_of
 from ...core.sfm.state import STATE, read_state
-from ...scene.base.paths import absolute
+from ...scene.base.paths import absolute, relative
 from ...scene.lens.lens import is_in_focus
 from ...scene.sources.clip import work_dir
 from ..base import operators, solving
-from ..base.operators import Result, reported
-from . import choose_clip, import_solve, solve
+from ..base.operators import Edits, Result, may_change, polls, reported
+from . import import_solve, solve
 
 MODELS = (".bin", ".txt", ".out", ".nvm", ".json", ".npz", ".r3d")
 """Endings of the models that other programs write."""
 
 
-class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.types.Operator):  # noqa: N801
+class ShowsClips:
+    """A file browser that shows videos, pictures and folders."""
+
+    filepath: bpy.props.StringProperty(
+        name="Clip",
+        description="Video, any image of a sequence, or a folder of images",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+    filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+
+
+class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, Edits, bpy.types.Operator):  # noqa: N801
+    """Choose a video, any image of a sequence, or a folder of images"""
+
+    bl_label = "Choose Clip"
+
+    poll = polls(may_change)
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        if not self.filepath:
+            self.filepath = bpy.path.abspath(context.scene.virtual_aperture.footage)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        column = self.layout.column(align=True)
+        column.label(text="A video, any image of a sequence,")
+        column.label(text="or open a folder of images.")
+
+    def act(self, context: bpy.types.Context) -> None:
+        context.scene.virtual_aperture.footage = relative(clip_of(Path(bpy.path.abspath(self.filepath))))
+
+
+def clip_of(chosen: Path) -> Path:
+    """Return the clip of a chosen file or folder: for a picture its sequence as a pattern.
+
+    Raises:
+        UserError: Nothing is there, or the picture's name has no number.
+    """
+    if not chosen.exists():
+        raise UserError(f"{chosen} does not exist; choose a video, an image of a sequence or a folder")
+    if chosen.is_dir() or chosen.suffix.lower() not in PICTURES:
+        return chosen
+    pattern = pattern_of(chosen)
+    if pattern is None:
+        raise UserError(
+            f"{chosen.name} is a single image without a frame number; choose a video or an image of a"
+            " sequence"
+        )
+    return pattern
+
+
+class VIRTUAL_APERTURE_OT_import_clip(ShowsClips, solve.Solves, bpy.types.Operator):  # noqa: N801
     """Choose a video, any image of a sequence, or a folder of images, and solve it.
 
     If it has been solved before, that solve is loaded
@@ -37,7 +90,7 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
     _invoked = False
     _is_answer = False
 
-    draw = choose_clip.VIRTUAL_APERTURE_OT_choose_clip.draw
+    draw = VIRTUAL_APERTURE_OT_choose_clip.draw
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if bpy.app.background:
@@ -83,7 +136,7 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
             raise UserError(
                 "no clip has been chosen; choose a video, an image of a sequence or a folder of images"
             )
-        clip = choose_clip.clip_of(absolute(self.filepath))
+        clip = clip_of(absolute(self.filepath))
         if solving.running_solve() is not None:
             raise UserError(
                 f"a clip is being solved; wait, or cancel with ESC, then import {clip.name} again"
@@ -91,19 +144,15 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, solve.Solves, bpy.
         return clip
 
     def solved_clip(self, settings: bpy.types.PropertyGroup) -> tuple[Path, str]:
-        clip = choose_clip.clip_of(absolute(self.filepath))
+        clip = clip_of(absolute(self.filepath))
         return clip, folder_for(settings, clip)
 
 
-class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_drop_model(import_solve.ImportsFile, bpy.types.Operator):  # noqa: N801
     """Import the clip's cameras, and points if there are any, from another program or a phone"""
 
     bl_label = "Import to Virtual Aperture"
     bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
-
-    filepath: bpy.props.StringProperty(
-        name="Model", description="Model file", subtype="FILE_PATH", options={"SKIP_SAVE"}
-    )
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -115,12 +164,6 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
         if solving.running_solve() is not None:
             raise UserError(f"the clip is being solved; cancel with ESC, then drop {name} again")
         return super().execute(context)
-
-    def clip_of(self, settings: bpy.types.PropertyGroup) -> Path:
-        return import_solve.recorded(self.filepath) or super().clip_of(settings)
-
-    def read(self, footage: Footage) -> Imported:
-        return import_solve.read_model(self.filepath, footage)
 
 
 def loses_focus(settings: bpy.types.PropertyGroup, clip: Path) -> bool:

@@ -126,10 +126,8 @@ class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
         return clip, settings.work_dir
 
 
-class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N801
-    """Import the clip's cameras, and points if there are any, from another program or a phone"""
-
-    bl_label = "Import Solve"
+class ImportsFile(Import):
+    """Import a model from a file or folder, and the depth that a phone has recorded beside it."""
 
     filepath: bpy.props.StringProperty(
         name="Model",
@@ -137,6 +135,30 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
+
+    def clip_of(self, settings: Any) -> Path:
+        return recorded(self.filepath) or super().clip_of(settings)
+
+    def read(self: Any, footage: Footage) -> Imported:
+        if not self.filepath:
+            raise UserError("no model has been chosen; choose its file, or the folder of a COLMAP model")
+        path = _model_path(self.filepath)
+        if path.suffix.lower() == ".blend":
+            raise UserError(
+                f"{path.name} is a .blend; append its movie clip (File > Append) and use Import Movie Clip"
+            )
+        found = read_reconstruction(path, footage)
+        depth = recorded_depth(path, work_dir(bpy.context.scene.virtual_aperture, footage.path))
+        if depth is not None:
+            self.report({"INFO"}, f"The phone's LiDAR depth is in {depth}; choose it as Depth Maps")
+        return found
+
+
+class VIRTUAL_APERTURE_OT_import_solve(ImportsFile, bpy.types.Operator):  # noqa: N801
+    """Import the clip's cameras, and points if there are any, from another program or a phone"""
+
+    bl_label = "Import Solve"
+
     filter_glob: bpy.props.StringProperty(
         default="*.bin;*.txt;*.out;*.nvm;*.json;*.npz;*.r3d;*.csv", options={"HIDDEN"}
     )
@@ -161,16 +183,6 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
         column.label(text="Choose a model file,")
         column.label(text="or open a COLMAP model's folder.")
 
-    def clip_of(self, settings: Any) -> Path:
-        return recorded(self.filepath) or super().clip_of(settings)
-
-    def read(self, footage: Footage) -> Imported:
-        settings = bpy.context.scene.virtual_aperture
-        depth = recorded_depth(_model_path(self.filepath), work_dir(settings, footage.path))
-        if depth is not None:
-            self.report({"INFO"}, f"The phone's LiDAR depth is in {depth}; choose it as Depth Maps")
-        return read_model(self.filepath, footage)
-
 
 def recorded(filepath: str) -> Path | None:
     """Return the clip that a phone's recording brings with it; None of another file."""
@@ -181,18 +193,6 @@ def _model_path(filepath: str) -> Path:
     """A table stands for the folder of the recording that it is of."""
     path = Path(bpy.path.abspath(filepath))
     return path.parent if path.suffix.lower() == ".csv" else path
-
-
-def read_model(filepath: str, footage: Footage) -> Imported:
-    """Return the model in a file or folder; UserError where there is none, or it is not of this clip."""
-    if not filepath:
-        raise UserError("no model has been chosen; choose its file, or the folder of a COLMAP model")
-    path = _model_path(filepath)
-    if path.suffix.lower() == ".blend":
-        raise UserError(
-            f"{path.name} is a .blend; append its movie clip (File > Append) and use Import Movie Clip"
-        )
-    return read_reconstruction(path, footage)
 
 
 def solved_clips() -> list[bpy.types.MovieClip]:

@@ -1,15 +1,24 @@
 """Photos in no order: which one is shown and rendered."""
 
+from pathlib import Path
+
 import bpy
 
 from ...core.base.errors import UserError
+from ...core.media.sequence import is_pattern
 from ...scene.base.timeline import go_to
-from ...scene.solve.store import is_ordered
+from ...scene.solve.point_cloud import is_ordered
 from ...scene.sources.shot import shot_of
 from ..base.operators import Edits, Result, has_solve, polls, requires
 
 _items: list[tuple[str, str, str]] = []
 """Blender keeps no reference to the strings of a list that is made when it is asked for."""
+
+
+def may_be_photos(settings: bpy.types.PropertyGroup) -> bool:
+    """Return whether the clip is a folder or a pattern, by its name, without access to files."""
+    clip = Path(settings.footage)
+    return bool(settings.footage) and (not clip.suffix or is_pattern(clip))
 
 
 def are_photos(settings: bpy.types.PropertyGroup) -> bool:

@@ -6,7 +6,7 @@ import bpy
 
 from ...core.base.errors import UserError
 from ...core.media.clip import Footage, open_footage
-from ...core.media.find_clip import is_clip
+from ...core.media.clip_identity import is_clip
 from ...core.media.sequence import is_pattern
 from ...scene import parts
 from ...scene.base.paths import absolute
@@ -15,7 +15,7 @@ from ...scene.edited_camera import edits
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.shot import solved_clip
 from ..base.operators import Acts, Edits, Result, has_solve, may_change, polls, requires
-from .choose_clip import ShowsClips
+from .file_import import ShowsClips
 from .solve import build_scene, is_kept
 
 

@@ -8,8 +8,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ...core.sfm.tracking.tracker_pictures import Sight
-from ...render.viewport import message
-from ...render.viewport.overlay import Rectangle, draw_texture, fill
+from ...render.viewport.overlay import Rectangle, draw_message, draw_texture, fill, free_part
 from ...render.views.gpu_views import upload
 from ..base.solving import running_solve
 from ..picking.pick_view import GREEN
@@ -47,11 +46,11 @@ def draw() -> None:
     # The scene holds another clip, or an old solve.
     fill((0.0, 0.0, float(context.region.width), float(context.region.height)))
     height, width = sight.picture.shape[:2]
-    where = place(message.free_part(context.area, context.region), width, height)
+    where = place(free_part(context.area, context.region), width, height)
     draw_texture(_shown[1], where)
     _draw_features(sight, where, SIZE * scale)
     # The panel shows the progress: drawing all this for it would take time from the solve.
-    message.draw(f"{running.step.stage} (ESC cancels)", context.area, context.region, scale)
+    draw_message(f"{running.step.stage} (ESC cancels)", context.area, context.region, scale)
 
 
 def _draw_features(sight: Sight, where: Rectangle, size: float) -> None:

@@ -2,8 +2,8 @@
 
 import bpy
 
-from ...scene.grade_nodes import add_grade_nodes
 from ...scene.lens import lens_camera
+from ...scene.passes import add_grade_nodes
 from ..base.operators import Edits, has_focus, has_solve, may_change, polls
 
 

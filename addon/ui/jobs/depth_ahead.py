@@ -8,8 +8,7 @@ from ...core.base.errors import UserError
 from ...core.base.job import Job
 from ...core.base.messages import Failure
 from ...core.sfm.state import STATE
-from ...render.processes.blend_file import write_blend
-from ...render.processes.launcher import start
+from ...render.processes.launcher import start, write_blend
 from ...scene.base import redraw
 from ...scene.base.events import at, watch
 from ...scene.base.remedy_words import WORDS

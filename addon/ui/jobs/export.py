@@ -12,8 +12,7 @@ import bpy
 from ...core.base.atomic import collect_orphans
 from ...core.base.errors import UserError
 from ...render.output import export as exports
-from ...render.processes.blend_file import write_blend
-from ...render.processes.launcher import start
+from ...render.processes.launcher import start, write_blend
 from ...scene.base import redraw
 from ...scene.base.events import watch
 from ...scene.base.paths import absolute
@@ -24,9 +23,8 @@ from ...scene.sources.shot import reconstruction_of, shot_of
 from ..base.operators import Acts, Result, has_focus, has_solve, polls, requires, sentence
 from ..base.text import wrapped
 from . import depth_ahead, movie
+from .depth_ahead import LOOK
 
-LOOK = 0.5
-"""Seconds between two looks at the process."""
 FOLDER = "export"
 """Suggested, beside what Render Clip writes."""
 

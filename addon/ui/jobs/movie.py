@@ -18,8 +18,7 @@ from ...core.media.picture_file import PICTURES
 from ...render.output import movie_folder
 from ...render.output.movie_file import JOINING, MOVIES, check_rate
 from ...render.output.output import STILLS, check_output, claimed
-from ...render.processes.blend_file import write_blend
-from ...render.processes.launcher import start
+from ...render.processes.launcher import start, write_blend
 from ...scene.base.paths import absolute
 from ...scene.base.timeline import clip_frame
 from ...scene.sources.clip import footage_path

@@ -33,6 +33,12 @@ def next_of(frames: Sequence[int], now: int) -> int:
     return next((frame for frame in frames if frame > now), frames[0])
 
 
+def draw_jump(row: bpy.types.UILayout, context: bpy.types.Context, frames: Sequence[int]) -> None:
+    """Draw a button that goes to the next of the frames."""
+    jump = row.operator(VIRTUAL_APERTURE_OT_jump_to_frame.bl_idname, text="", icon="FRAME_NEXT")
+    jump.frame = next_of(frames, clip_frame(context.scene))
+
+
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the notes with their frames, each with a button to the next of them."""
     notes = frame_notes.of(context.scene)
@@ -44,7 +50,6 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         row = box.row()
         numbers = ranges(list(note.frames))
         wrapped(row, context, f"Frame{'s' if len(note.frames) > 1 else ''} {numbers}: {note.text}")
-        jump = row.operator(VIRTUAL_APERTURE_OT_jump_to_frame.bl_idname, text="", icon="NEXT_KEYFRAME")
-        jump.frame = next_of(note.frames, clip_frame(context.scene))
+        draw_jump(row, context, note.frames)
     if len(notes) > LONGEST:
         box.label(text=f"and {len(notes) - LONGEST} more, in the Info editor")

@@ -1,13 +1,21 @@
-"""The live preview: a viewport in Rendered shading that looks through the solved camera."""
+"""The live preview: a viewport in Rendered shading that looks through the solved camera, and the line in it
+between the clip as it was shot and the frame through the lens, to be dragged."""
 
 from typing import Any
 
 import bpy
 
 from ...render.engine import VirtualApertureEngine
-from ...render.viewport.viewport import PREVIEW
+from ...render.viewport.viewport import PREVIEW, camera_frame
 from ...scene import parts
 from ..base.operators import NO_CAMERA, Acts, has_solve, is_met
+from ..picking.pick_view import WHITE, XY, line, ring
+
+NEAR = 8.0
+"""Pixels, at a resolution scale of 1, from the line within which the mouse takes it."""
+HANDLE = 7.0
+"""Radius of the ring on the line, in the same pixels."""
+DIM = (1.0, 1.0, 1.0, 0.7)
 
 
 class VIRTUAL_APERTURE_OT_preview(Acts, bpy.types.Operator):  # noqa: N801
@@ -57,3 +65,79 @@ def is_shown(context: bpy.types.Context) -> bool:
         and space.region_3d.view_perspective == "CAMERA"
         and context.scene.render.engine == VirtualApertureEngine.bl_idname
     )
+
+
+class VIRTUAL_APERTURE_GT_wipe(bpy.types.Gizmo):  # noqa: N801
+    """A vertical line over the camera's frame; drawn and taken in the region's pixels."""
+
+    bl_idname = "VIRTUAL_APERTURE_GT_wipe"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        found = _line(context)
+        if found is None:
+            return
+        x, bottom, top = found
+        scale = context.preferences.system.ui_scale
+        colour = WHITE if self.is_highlight or self.is_modal else DIM
+        middle, radius = (bottom + top) / 2, HANDLE * scale
+        if context.scene.virtual_aperture.viewport_wipe > 0 or self.is_modal:
+            for ends in (((x, bottom), (x, middle - radius)), ((x, middle + radius), (x, top))):
+                line(ends, colour, scale)
+        line(ring((x, middle), radius), colour, 1.5 * scale)
+
+    def test_select(self, context: bpy.types.Context, location: XY) -> int:
+        """Return 0 if the mouse, in the region's pixels, is on the line or its handle, else -1.
+
+        Only the handle counts while nothing is compared.
+        """
+        found = _line(context)
+        if found is None:
+            return -1
+        x, bottom, top = found
+        near = NEAR * context.preferences.system.ui_scale
+        if context.scene.virtual_aperture.viewport_wipe == 0:
+            bottom, top = (bottom + top) / 2 - near, (bottom + top) / 2 + near
+        return 0 if abs(location[0] - x) <= near and bottom <= location[1] <= top else -1
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        self.before = context.scene.virtual_aperture.viewport_wipe
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event, _tweak: Any) -> set[str]:
+        frame = camera_frame(context, context.scene)
+        if frame is not None and event.type == "MOUSEMOVE":
+            # The property keeps it from 0 to 1.
+            context.scene.virtual_aperture.viewport_wipe = (event.mouse_region_x - frame[0]) / frame[2]
+        return {"RUNNING_MODAL"}
+
+    def exit(self, context: bpy.types.Context, cancel: bool) -> None:
+        if cancel:
+            context.scene.virtual_aperture.viewport_wipe = self.before
+
+
+class VIRTUAL_APERTURE_GGT_wipe(bpy.types.GizmoGroup):  # noqa: N801
+    """The line, in viewports that show the preview."""
+
+    bl_idname = "VIRTUAL_APERTURE_GGT_wipe"
+    bl_label = "Compare"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"PERSISTENT", "SHOW_MODAL_ALL"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return is_shown(context) and context.scene.virtual_aperture.points is not None
+
+    def setup(self, _context: bpy.types.Context) -> None:
+        gizmo = self.gizmos.new(VIRTUAL_APERTURE_GT_wipe.bl_idname)
+        gizmo.use_draw_modal = True
+
+
+def _line(context: bpy.types.Context) -> tuple[float, float, float] | None:
+    """Position x of the line, and its bottom and top, in pixels of the region; None without the camera."""
+    frame = camera_frame(context, context.scene)
+    if frame is None:
+        return None
+    left, bottom, width, height = frame
+    x = left + context.scene.virtual_aperture.viewport_wipe * width
+    return x, max(bottom, 0.0), min(bottom + height, float(context.region.height))

@@ -11,10 +11,10 @@ from ...scene.lens import blender_focus, depth_of_field, lens
 from ..base import solving
 from ..base.text import is_narrow, progress_row, wrapped
 from ..focus import focus_list, lens_amount
-from ..footage import choose_clip, photos, solve
+from ..footage import file_import, photos, solve
 from ..jobs import depth_ahead, first_person, movie, render_clip
 from ..picking import pick_focus, pick_vertices, set_scale
-from . import clip, live_preview, notices, render
+from . import live_preview, notices, render
 from .panel import PRIMARY, Panel, split
 
 MOST_MARKS = 5
@@ -51,7 +51,7 @@ class VIRTUAL_APERTURE_PT_main(Panel, bpy.types.Panel):  # noqa: N801
             progress_row(layout, step.text, step.share, step.left, hint="ESC cancels")
         elif not settings.footage:
             wrapped(layout, context, HINT, icon="IMPORT")
-            _large(layout).operator(choose_clip.VIRTUAL_APERTURE_OT_choose_clip.bl_idname, icon="FILEBROWSER")
+            _large(layout).operator(file_import.VIRTUAL_APERTURE_OT_choose_clip.bl_idname, icon="FILEBROWSER")
         elif settings.points is None:
             _draw_unsolved(layout, context)
         else:
@@ -76,14 +76,14 @@ def _pair(layout: bpy.types.UILayout, context: bpy.types.Context) -> bpy.types.U
 def _draw_clip(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     row = layout.row(align=True)
     name = Path(settings.footage).name
-    row.operator(choose_clip.VIRTUAL_APERTURE_OT_choose_clip.bl_idname, text=name, icon="FILE_MOVIE")
+    row.operator(file_import.VIRTUAL_APERTURE_OT_choose_clip.bl_idname, text=name, icon="FILE_MOVIE")
     if photos.are_photos(settings):
         row.operator(photos.VIRTUAL_APERTURE_OT_show_photo.bl_idname, text="", icon="IMAGE_DATA")
 
 
 def _draw_unsolved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.virtual_aperture
-    if clip.may_be_photos(settings):
+    if photos.may_be_photos(settings):
         layout.prop(settings, "stills")
     wrapped(layout, context, "Solve the clip to find its camera motion and depth", icon="INFO")
     name = solve.VIRTUAL_APERTURE_OT_solve.bl_idname

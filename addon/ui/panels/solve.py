@@ -1,14 +1,48 @@
-"""The Solve panel: prior knowledge of the lens, the report on the solve, and advice."""
+"""The panels Clip and Solve: files, imports, prior knowledge of the lens, the report on the solve."""
 
 import bpy
 
 from ...scene.sources import masks
 from ..base import operators
 from ..base.text import wrapped
-from ..footage import after_solve, solve
+from ..footage import after_solve, import_solve, photos, solve
 from ..jobs import depth_ahead
-from . import clip
+from . import notices, preferences
 from .panel import ClosedPanel, split
+
+
+class VIRTUAL_APERTURE_PT_clip(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Clip"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = split(self.layout)
+        layout.prop(settings, "footage")
+        layout.prop(settings, "work_dir")
+        layout.prop(settings, "colour_space")
+        if settings.footage and (size := preferences.shown_size(settings)):
+            words = preferences.size_words(size)
+            layout.operator(
+                preferences.VIRTUAL_APERTURE_OT_delete_depth.bl_idname, text=f"Delete Kept Depth ({words})",
+                icon="TRASH",
+            )  # fmt: skip
+        notices.draw_notes(layout, context)
+
+
+class VIRTUAL_APERTURE_PT_import(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Import"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_clip"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator(import_solve.VIRTUAL_APERTURE_OT_import_solve.bl_idname, icon="IMPORT")
+        movie_clip = import_solve.VIRTUAL_APERTURE_OT_import_movie_clip.bl_idname
+        if import_solve.solved_clips():
+            layout.operator_menu_enum(movie_clip, "clip", icon="TRACKING")
+        elif bpy.data.movieclips:
+            # Disabled, with the reason.
+            layout.operator(movie_clip, icon="TRACKING")
+        layout.operator(import_solve.VIRTUAL_APERTURE_OT_use_scene_camera.bl_idname, icon="CAMERA_DATA")
 
 
 class VIRTUAL_APERTURE_PT_solve(ClosedPanel, bpy.types.Panel):  # noqa: N801
@@ -17,7 +51,7 @@ class VIRTUAL_APERTURE_PT_solve(ClosedPanel, bpy.types.Panel):  # noqa: N801
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = split(self.layout)
-        if clip.may_be_photos(settings):
+        if photos.may_be_photos(settings):
             layout.prop(settings, "stills")
         layout.prop(settings, "lens")
         if settings.lens == "GIVEN":

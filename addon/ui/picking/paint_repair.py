@@ -11,6 +11,7 @@ from ...core.subjects.strokes import places_of
 from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
 from ...scene.lens import repairs
+from ...scene.sources import subjects
 from ...scene.sources.shot import reconstruction_of
 from ..base.operators import Edits, Result, may_change, polls, requires
 from ..base.text import list_row
@@ -143,10 +144,10 @@ class VIRTUAL_APERTURE_OT_remove_repair(Edits, bpy.types.Operator):  # noqa: N80
     )
 
     def act(self, context: bpy.types.Context) -> str:
-        settings = context.scene.virtual_aperture
-        kept = settings.repairs.items[settings.repairs.active]
+        group = context.scene.virtual_aperture.repairs
+        kept = group.items[group.active]
         said = f"Removed the repair {kept.name} of frame {kept.frame}"
-        repairs.remove_repair(settings, settings.repairs.active)
+        subjects.remove_active(group)
         return said
 
 
