@@ -18,7 +18,7 @@ from addon.cli import lens_options
 from addon.cli.aperture import image_of, with_image
 from addon.core.base import file_lock
 from addon.core.base.errors import UserError
-from addon.core.sfm import state
+from addon.core.sfm import state as solve_state
 from addon.core.sfm.state import recorded_places
 from addon.scene.base import paths
 from addon.ui.focus import lens_presets
@@ -109,18 +109,18 @@ def test_others_lock_by_flock(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
 @pytest.fixture
 def windows_paths(monkeypatch: pytest.MonkeyPatch) -> None:
     """Paths as text by the rules of Windows, in the modules that handle them as such."""
-    for module in (staging, paths):
+    for module in (solve_state, paths):
         monkeypatch.setattr(module, "os", SimpleNamespace(path=ntpath, sep="\\"))
     monkeypatch.setattr(paths, "Path", PureWindowsPath)
 
 
 def test_a_solve_of_windows_finds_the_clip_beside_it(windows_paths: None, tmp_path: Path) -> None:
     clips = PureWindowsPath(r"C:\My Clips")
-    relative = state._relative(clips / "a" / "walk.mp4", clips / "walk.aperture")  # type: ignore[arg-type]
+    relative = solve_state._relative(clips / "a" / "walk.mp4", clips / "walk.aperture")  # type: ignore[arg-type]
     assert relative == "../a/walk.mp4"
     state: dict[str, Any] = {"relative": relative, "footage": r"C:\My Clips\a\walk.mp4"}
     assert recorded_places(tmp_path / "walk.aperture", state)[0] == tmp_path / "a" / "walk.mp4"
-    assert state._relative(clips / "walk.mp4", PureWindowsPath("D:/solves")) == ""  # type: ignore[arg-type]
+    assert solve_state._relative(clips / "walk.mp4", PureWindowsPath("D:/solves")) == ""  # type: ignore[arg-type]
 
 
 def test_a_blend_of_windows_has_slashes(windows_paths: None, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from addon.core.base import code
+from addon.core.base import digest
 
 
 def test_another_line_is_other_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(code, "ADDON", tmp_path)
+    monkeypatch.setattr(digest, "ADDON", tmp_path)
     (tmp_path / "core" / "a").mkdir(parents=True)
     (tmp_path / "core" / "a" / "one.py").write_text("A = 1\n")
-    before = code.code_digest.__wrapped__("core")
+    before = digest.code_digest.__wrapped__("core")
     (tmp_path / "render").mkdir()
-    assert code.code_digest.__wrapped__("core") == before != code.code_digest.__wrapped__("render")
+    assert digest.code_digest.__wrapped__("core") == before != digest.code_digest.__wrapped__("render")
     (tmp_path / "core" / "a" / "one.py").write_text("A = 2\n")
-    assert code.code_digest.__wrapped__("core") != before
+    assert digest.code_digest.__wrapped__("core") != before
