@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from addon.core.depth.flat_scene import ADULT
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.frame.first_person import height_of, scale_by_people
+from addon.core.frame.moving_parts import MovingParts
 from addon.core.subjects.clip_subjects import ClipSubject
 from addon.core.subjects.people import sampled
 
@@ -33,13 +36,15 @@ class Crowd(walls.Filmed):
 
     masks: dict[int, Mask]
 
-    @property
-    def people(self) -> list[ClipSubject]:
+    @cached_property
+    def parts(self) -> MovingParts:
         class Given(ClipSubject):
             def mask(own, frame: int) -> Mask:  # noqa: N805
                 return self.masks[frame]
 
-        return [Given("person 1", "person1", lambda frame: None)]  # type: ignore[arg-type,return-value]
+        known = super().parts
+        vars(known)["people"] = [Given("person 1", "person1", lambda frame: None)]  # type: ignore[arg-type,return-value]
+        return known
 
     def subject_place(self, name: str, frame: int) -> Place:
         return Place(Focus(distance=6.0), frame, 6.0, name, followed=dict.fromkeys(walls.FRAMES, 6.0))

@@ -137,7 +137,7 @@ class ClipContext:
 
     @cached_property
     def parts(self) -> MovingParts:
-        """The moving parts of the clip: its subjects, and what the masks show."""
+        """The moving parts of the clip: its subjects, and the objects of the masks."""
         return MovingParts(
             self.reconstruction, self.scene, self._subjects, self.marked, self.masks, self.matcher,
             self.maps is not None, self._fixed,

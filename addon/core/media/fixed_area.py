@@ -56,8 +56,8 @@ logo, and in text at crf 28. It changes by a fifth of this contrast at most."""
 DENSE = 0.12
 """Least share of such pixels in their box: 0.25 in the real logo, up to 0.05 in boxes of other clips."""
 MOVES = 0.55
-"""Least share of the picture that moves, and of what is around a logo, from which on still pixels are known
-to be fixed."""
+"""Least share of moving pixels in the picture, and around a logo, from which on still pixels are known to be
+fixed."""
 
 
 Fixed = Callable[[], Mask | None]

@@ -35,7 +35,7 @@ def wrong(place: Path | str, expected: str) -> UserError:
 def contents(
     path: Path, missing: str = "is not a file; give the file that the other program exported"
 ) -> bytes:
-    """Read a file; raises UserError, which says `missing` of one that is not there."""
+    """Read a file; raises UserError with the words `missing` for a file that is not there."""
     try:
         if not path.is_file():
             raise UserError(f"{path} {missing}")

@@ -1,4 +1,4 @@
-"""The state of a working folder, `solve.json` and its model: checked, and put there whole or not at all."""
+"""The state of a working folder, `solve.json` and its model: checked, and put there whole."""
 
 import contextlib
 import hashlib

@@ -202,7 +202,7 @@ class PeopleOfClip:
         found = list[Track]()
         while waiting and len(found) < MOST_PEOPLE:
             found.append(Track(self.pictures, self.networks, waiting[0][0], self._first(*waiting[0])))
-            # Those who are not followed already.
+            # People that are followed already are left out.
             waiting = [
                 (frame, person)
                 for frame, person in waiting[1:]

@@ -139,7 +139,7 @@ def remove_active(group: bpy.types.PropertyGroup) -> None:
 
 
 def changed(group: bpy.types.PropertyGroup) -> None:
-    """Have the scene drawn again: what strokes mark or mend has changed."""
+    """Have the scene drawn again after strokes have changed."""
     group.id_data.update_tag()
     redraw.viewports()
 
