@@ -101,12 +101,14 @@ def write_clip(
         context.color_trc, context.color_primaries = space.transfer, 9 if wide else 1
         context.colorspace, context.color_range = 9 if wide else 1, 2 if full else 1
         if codec == "libx265":
-            stream.options = {"x265-params": "lossless=1:log-level=none"}
-        for light in pictures:
+            stream.options = {"x265-params": "lossless=1:bframes=0:log-level=none"}
+        for number, light in enumerate(pictures):
             r, g, b = np.moveaxis(space.stored(light), -1, 0)
             y = red * r + (1 - red - blue) * g + blue * b
             planes = y, (b - y) / (2 - 2 * blue), (r - y) / (2 - 2 * red)
             frame = av.VideoFrame(stream.width, stream.height, "yuv444p10le")
+            # Without these times, or with B frames, x265 invents times, which MOV refuses at random.
+            frame.pts, frame.time_base = number, Fraction(1, 24)
             frame.colorspace, frame.color_range = context.colorspace, context.color_range
             frame.color_trc, frame.color_primaries = context.color_trc, context.color_primaries
             ranges = ((1023, 0), (1023, 512)) if full else ((876, 64), (896, 512))
