@@ -44,6 +44,7 @@ def warped(shot: Shot) -> WarpedFrame:
     return mesh_frame(shot.context, MIDDLE, lens, size, to_linear(shot.clip.read(MIDDLE))).warped
 
 
+@pytest.mark.long
 def test_every_stage_passes_many_checkpoints_and_goes_on(folder: Path) -> None:
     reports: list[tuple[str, float]] = []
     with reporting(lambda stage, share: reports.append((stage, share))):

@@ -67,7 +67,7 @@ ROUND = Aperture()
 @pytest.mark.parametrize(
     ("shape", "swing"),
     [
-        (ROUND, 0.0),
+        pytest.param(ROUND, 0.0, marks=pytest.mark.long),
         pytest.param(ROUND, 0.6, marks=pytest.mark.long),
         pytest.param(Aperture(blades=5, rotation=0.3, roundness=0.3, ratio=1.4), 0.0, marks=pytest.mark.long),
         pytest.param(Aperture(obstruction=0.6, apodisation=0.3, spherical_aberration=0.6), 0.0,

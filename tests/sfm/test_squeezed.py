@@ -31,6 +31,7 @@ def test_a_squeezed_clip_is_solved_in_its_true_shape(tmp_path: Path, tagged: boo
     other.cancel()
 
 
+@pytest.mark.long
 def test_a_refused_clip_that_looks_squeezed_says_so(tmp_path: Path) -> None:
     process = SolveProcess(rolling(tmp_path / "clip", False), tmp_path / "work")
     with pytest.raises(UserError, match="with a pixel aspect of 2 the clip fits a static scene") as e:

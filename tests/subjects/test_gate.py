@@ -70,6 +70,7 @@ def test_objects_are_found_once(tmp_path: Path) -> None:
     assert len(subjects(walls.with_disc, store).objects) == 1
 
 
+@pytest.mark.long
 def test_a_mark_replaces_an_object() -> None:
     clip, (x, y) = filmed(walls.with_disc), place(16)
     assert [each.name for each in clip.parts.every_subject] == ["object 1"]

@@ -29,6 +29,7 @@ def repair(kind: str, at: tuple[float, float] = DISC, reference: tuple[float, fl
     return Repair(kind, PAINTED, (at,), RADIUS / WIDTH, 1.0, reference)
 
 
+@pytest.mark.long
 def test_what_is_painted_nearer_is_followed_nearer(clip: walls.Filmed) -> None:
     before = clip.subject_place("disc", PAINTED)
     found = repaired_subject(clip, "disc", PAINTED, [repair("nearer")])
