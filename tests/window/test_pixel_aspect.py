@@ -28,8 +28,6 @@ def test_the_field_is_in_the_solve_panel(program: Program) -> None:
     with opened(program, "Solve"):
         program.shot("solve_panel")
         button = program.find("pixel_aspect", "VIEW_3D", "UI")
-        program.screen.double_click(button.x, button.y)
-        program.screen.type("2")
-        program.screen.key("Return")
+        program.fill(button, "2")
         program.wait(f"{SETTINGS}.pixel_aspect == 2")
         program.shot("set")
