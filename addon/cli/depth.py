@@ -56,11 +56,18 @@ FEWEST_JUMPS = 3
 """Least jumps of moving objects that are reported: one may come into view and leave. Chosen by inspection."""
 WORDED = " (--subject X,Y)"
 """Name of this remedy in the interface."""
-WHOLE = argparse.Namespace(mask=None, subject=None, colour_space=None, frames=None, jobs=None, child=False)
-"""Options without any value."""
+NOTHING = {
+    "mask": None,
+    "subject": None,
+    "colour_space": None,
+    "segmenter": None,
+    "jobs": None,
+    "child": False,
+}
+"""Options that `solve --depth` does not have."""
 
 
-def depth_of_solve(solved: Solve, options: argparse.Namespace = WHOLE) -> UserError | None:
+def depth_of_solve(solved: Solve, options: argparse.Namespace) -> UserError | None:
     """Call `keep_depth` of a solve, with the options' moving objects."""
     scene, settings, footage = scene_of(solved)
     set_moving(settings, solved, options)

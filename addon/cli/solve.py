@@ -20,7 +20,7 @@ from ..core.sfm.workspace import Solve, keep_import, load_solve
 from ..scene.sources.movieclip import read_movie_clip
 from ..scene.sources.scene_camera import cameras_of, read_scene_camera
 from .blend import open_scene
-from .depth import depth_of_solve
+from .depth import NOTHING, depth_of_solve
 from .options import IMPORT_WORDS, Commands, UsageError, add_options, path, real
 
 
@@ -134,7 +134,8 @@ def solve(options: argparse.Namespace) -> None:
     """Run `solve FOOTAGE --work DIR [--depth]`."""
     solved = solve_clip(options, options.work, depth_maps=options.depth_maps)
     say_quality(solved, options.words)
-    if options.depth and (problem := depth_of_solve(solved)):
+    whole = argparse.Namespace(**NOTHING, frames=None, fixed=options.fixed)
+    if options.depth and (problem := depth_of_solve(solved, whole)):
         say(f"note: {problem.worded(options.words)}")
 
 

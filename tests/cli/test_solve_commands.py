@@ -283,3 +283,10 @@ def test_a_reprojection_error_that_nobody_measured_is_not_told(
     assert run("report", work, "--json") == 0
     said = json.loads(capsys.readouterr().out)
     assert said["reprojection_error"] is None and said["depth_sigma"] is None
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_solve_finds_the_depth_of_all_frames_if_asked(clip: Path, tmp_path: Path) -> None:
+    work = tmp_path / "work"
+    assert run("solve", clip, "--work", work, *PART, "--depth") == 0
+    assert len(list((work / "depth").rglob("depth-*.npz"))) == 8
