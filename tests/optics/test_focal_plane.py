@@ -113,6 +113,18 @@ def test_a_blur_is_measured_from_the_tilted_plane() -> None:
     assert -np.percentile(discs, 2) / LENS.width == pytest.approx(0.03)
 
 
+def test_a_few_points_close_to_the_camera_do_not_take_the_blur_of_the_background() -> None:
+    """Points on a person who moves are triangulated close to the camera."""
+    spread = np.random.default_rng(0).uniform([-1, -0.5, 0], [1, 0.5, 0], (100, 3))
+    rays = spread + np.array([0, 0, 1])
+    depths = np.linspace(6, 15, 100)
+    plain = radius_for_blur(clip(rays * depths[:, None]), Focus(distance=8.0), 1, 0.03)
+    depths[:6] = 0.25
+    assert radius_for_blur(clip(rays * depths[:, None]), Focus(distance=8.0), 1, 0.03) == pytest.approx(
+        plain, rel=0.05
+    )
+
+
 @pytest.mark.parametrize("tilt", [0.0, 0.2])
 @pytest.mark.parametrize("curvature", [0.4, -0.4])
 def test_a_curved_field_focuses_nearer_with_the_square_of_the_radius(curvature: float, tilt: float) -> None:

@@ -19,6 +19,9 @@ discs are equal within 1 %."""
 COLLINEAR = 1e-3
 """Share of the extent of the points in focus; points closer to a line define no plane. Chosen by
 inspection."""
+AT_BACKGROUND = 0.05
+"""Relative difference of inverse depths of the focus and the farthest background up to which that is in
+focus. Chosen by inspection."""
 IN_PLANE = 1e-6
 """Share of the distance of the points in focus; a camera closer to their plane sees it as a line. Chosen by
 inspection."""
@@ -153,7 +156,8 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
 
     D = 2 R f |1/Z - 1/Zf|. The farthest background is the 2nd percentile of the frame's inverse depths
     (single points farther away are mostly wrong). With the background itself in focus, the nearest
-    foreground takes its place. UserError where there is nothing to blur.
+    foreground, the 98th percentile, takes its place; whether it is in focus is judged by the 90th, as points
+    on a person who moves seem close to the camera. UserError where there is nothing to blur.
     """
     canvas = reconstruction.canvas(frame)
     # First: where nothing is in focus a million points need not be looked at.
@@ -165,10 +169,11 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
             " frame, set the aperture radius, or solve the clip again"
         )
     inverse = lens.focus
-    far, near = np.percentile(lens.rectified(features.inverse_depth, features.observed), [2, 98])
+    known = lens.rectified(features.inverse_depth, features.observed)
+    far, near, nearest = np.percentile(known, [2, 90, 98])
     contrast = inverse - far
-    if contrast < 0.25 * (near - inverse):
-        contrast = near - inverse
+    if contrast < max(0.25 * (near - inverse), AT_BACKGROUND * inverse):
+        contrast = max(contrast, nearest - inverse)
     if contrast <= 1e-6 * inverse:
         raise UserError(
             "everything in the picture lies in the focal plane, so there is nothing to blur; focus"
