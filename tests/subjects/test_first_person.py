@@ -69,9 +69,26 @@ class Crowd(walls.Filmed):
 def test_the_nearest_subject_in_the_first_frame_that_shows_one_is_in_focus() -> None:
     clip = walls.filmed(walls.still)
     found = nearest_subject(Crowd(clip.reconstruction, clip.read), NONE)
-    assert found is not None and (found.frame, found.distance) == (2, NAMES["near"])
+    assert found is not None and found.distance == NAMES["near"]
     assert found.source == "the nearest person" and sorted(found.followed) == list(walls.FRAMES)
     assert found.xy == pytest.approx((90 / WIDTH, 80 / HEIGHT), abs=0.01)
+
+
+class Coming(Crowd):
+    """The crowd as it comes towards the camera."""
+
+    def subject_place(self, name: str, frame: int) -> Place:
+        followed = {each: NAMES[name] - 0.02 * each for each in walls.FRAMES}
+        away = followed[frame]
+        return Place(Focus(distance=away), frame, away, name, followed=followed)
+
+
+def test_blur_is_measured_where_the_subject_is_neither_nearest_nor_farthest() -> None:
+    """It is not seen in the first of 32 frames."""
+    clip = walls.filmed(walls.still)
+    found = nearest_subject(Coming(clip.reconstruction, clip.read), NONE)
+    assert found is not None and found.frame == 17
+    assert found.distance == found.followed[17] == NAMES["near"] - 0.02 * 17
 
 
 def test_focus_goes_over_to_whoever_comes_nearer() -> None:
