@@ -22,8 +22,9 @@ def network(
     """A model from the input `x` of a shape to outputs whose shapes are left open."""
     graph = b"".join(_field(1, each) for each in nodes) + _field(2, "graph")
     graph += b"".join(_field(5, _tensor(name, values)) for name, values in weights.items())
-    graph += _field(11, _value("x", shape)) + _field(
-        12, _value("y", ("batch", "channels", "rows", "columns"))
+    open_sides = ("batch", "channels", "rows", "columns")
+    graph += _field(11, _value("x", shape)) + b"".join(
+        _field(12, _value(each, open_sides)) for each in outputs
     )
     return _field(1, 7) + _field(7, graph) + _field(8, _field(1, "") + _field(2, OPSET))
 

@@ -42,8 +42,8 @@ def add_command(commands: Commands, common: argparse.ArgumentParser) -> None:
 def depth(options: argparse.Namespace) -> None:
     """Run `depth DIR` or `depth FILE.blend`."""
     if is_blend(options.work):
-        if options.mask or options.subject or options.colour_space:
-            raise UsageError(f"{options.work.name} has masks, strokes and a color space of its own")
+        if options.mask or options.subject or options.colour_space or options.segmenter:
+            raise UsageError(f"{options.work.name} has masks, strokes, networks and a color space of its own")
         scene, _, footage = open_blend(options.work)
         problem = keep_depth(scene, wanted_frames(footage, options.frames), options)
     else:

@@ -195,17 +195,17 @@ def _copy_clip(
     movie_file.check_rate(Path(options.movie), footage, frames)
     clip = copy_clip(footage.whole(), folder)
     lens = given_lens(options)
-    depth, masks, image = copied(folder, footage, options.depth, options.mask, image_of(options.aperture))
-    for name, copy in (("depth", depth), ("mask", masks)):
+    image = image_of(options.aperture)
+    copies = copied(folder, footage, options.depth, options.mask, image, options.segmenter)
+    for name, copy in zip(("depth", "mask", "aperture", "segmenter"), copies, strict=True):
         if copy is not None:
-            lens[name] = copy.relative_to(folder)
+            own = copy.relative_to(folder)
+            lens[name] = with_image(options.aperture, own) if name == "aperture" else own
     if options.repair is not None:
         copy_file(options.repair, folder / REPAIR)
         lens["repair"] = Path(REPAIR)
-    if image is not None:
-        lens["aperture"] = with_image(options.aperture, image.relative_to(folder))
     write_lens(folder / LENS, lens)
-    return frames, clip, depth
+    return frames, clip, copies[0]
 
 
 def _copy_solve(source: Path, target: Path, clip: Path) -> None:

@@ -26,6 +26,7 @@ from ..core.frame.repairs import read_repairs
 from ..core.media.clip import Footage, FrameRange, describe
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
+from ..core.subjects.segmenter import Segmenter
 from ..scene.base.timeline import go_to
 from ..scene.build import build
 from ..scene.focus import focus_marks
@@ -206,6 +207,9 @@ def set_moving(
     if options.colour_space:
         settings.colour_space = colour_space.checked(options.colour_space)
         colour_space.colour_space(settings.colour_space)
+    if options.segmenter:
+        Segmenter(options.segmenter.absolute()).check()
+        settings.segmenter = str(options.segmenter.absolute())
     settings.fixed = options.fixed is not False
     if (fixed := shot_of(settings.id_data).fixed) is not None:
         say(f"note: {fixed.note}")

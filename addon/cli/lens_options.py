@@ -18,7 +18,7 @@ from .blend import is_blend
 from .options import Parser, UsageError, add_options, path, real, whole
 from .subjects import add_focus_subject, add_subjects, focused_subjects
 
-PATHS = ("depth", "mask", "repair")
+PATHS = ("depth", "mask", "repair", "segmenter")
 """Options that are paths."""
 NEEDED = "focus_is_needed"
 """Attribute of parsed options: whether a focus must be given."""
@@ -85,6 +85,11 @@ def add_moving(command: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="your own mattes of moving objects: images in which white or opaque moves, gray moves in part",
     )
+    command.add_argument(
+        "--segmenter", type=path, metavar="FILE.onnx",
+        help="your own salient-object network, such as IS-Net or U2-Net, which cuts any object out of the"
+        " clip from one click or stroke",
+    )  # fmt: skip
     add_options(command, {FIXED.name: FIXED})
     add_subjects(command)
     command.add_argument(

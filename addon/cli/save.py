@@ -104,32 +104,40 @@ def save(options: argparse.Namespace) -> None:
 
 
 def copied(
-    folder: Path, footage: Footage, depth: Path | None, masks: Path | None, image: Path | None
-) -> tuple[Path | None, Path | None, Path | None]:
-    """Copy the user's depth maps and masks of a clip and the aperture's picture into a folder.
+    folder: Path,
+    footage: Footage,
+    depth: Path | None,
+    masks: Path | None,
+    image: Path | None,
+    segmenter: Path | None,
+) -> tuple[Path | None, ...]:
+    """Copy the user's depth maps and masks of a clip, the aperture's picture and the segmenter into a folder.
 
     Returns:
         The copies; None for missing ones.
     """
     if image is not None:
         copy_file(image, folder / APERTURE / image.name)
+    if segmenter is not None:
+        copy_file(segmenter, folder / segmenter.name)
     return (
         copy_pictures(open_depth(depth, footage).pictures, folder / DEPTH) if depth is not None else None,
         copy_pictures(open_masks(masks, footage).pictures, folder / MASKS) if masks is not None else None,
         folder / APERTURE / image.name if image is not None else None,
+        folder / segmenter.name if segmenter is not None else None,
     )
 
 
 def copy_beside(settings: VirtualApertureSettings, footage: Footage, folder: Path) -> list[Path]:
-    """Copy the user's depth maps, masks and aperture into a folder, and set the new paths.
+    """Copy the user's depth maps, masks, aperture and segmenter into a folder, and set the new paths.
 
     Returns:
         The new paths.
     """
-    held = settings.depth_maps, settings.masks, settings.shape.image
+    held = settings.depth_maps, settings.masks, settings.shape.image, settings.segmenter
     copies = copied(folder, footage, *(absolute(path) if path else None for path in held))
     new = [str(path) if path is not None else "" for path in copies]
-    settings.depth_maps, settings.masks, settings.shape.image = new
+    settings.depth_maps, settings.masks, settings.shape.image, settings.segmenter = new
     return [path for path in copies if path is not None]
 
 

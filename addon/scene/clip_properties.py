@@ -96,6 +96,11 @@ class ClipProperties:
         description="Mask drawn around moving objects in the Image or Movie Clip Editor, feather included."
         " Tracks that drive its points are ignored",
     )
+    segmenter: path_property(
+        "Segmenter",
+        "Salient-object network of your own (.onnx), such as IS-Net or U2-Net, that cuts any object out of"
+        " the clip from a click or a stroke. Leave empty to recognize people and moving objects alone",
+    )
     fixed: property_of(FIXED, aperture_changed)
     subjects: PointerProperty(
         type=VirtualApertureSubjects, name="Subjects", description="Moving subjects marked by strokes"

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.depth.depth_network import DepthNetwork
 from addon.core.depth.map_fit import fit_clip
-from addon.core.depth.user_maps import open_depth
+from addon.core.depth.user_maps import SIZES, open_depth
 from addon.core.media.clip import Footage, FrameRange, open_footage
 from addon.core.media.clip_identity import clip_digest
 from addon.core.media.copying import copy_pictures
 from addon.core.media.light import decode_srgb
 from addon.core.media.masks import open_masks
+from addon.core.media.onnx_network import IMAGENET, PictureNetwork
 
 from ..map_fits import fitted
 from ..onnx_files import Side, network, node
@@ -161,7 +161,7 @@ def test_of_a_part_of_a_video_each_frame_has_its_own_whoever_asks(tmp_path: Path
 
 def test_threads_do_not_see_each_others_pictures(tmp_path: Path) -> None:
     """Each has a picture of one colour at a size of its own."""
-    model = DepthNetwork(write(tmp_path / "red.onnx", red(OPEN)))
+    model = PictureNetwork(write(tmp_path / "red.onnx", red(OPEN)), lambda sides: IMAGENET, SIZES)
 
     def off(shade: int) -> float:
         found = model.run(np.full((40 + shade, 64, 3), shade, np.uint8))

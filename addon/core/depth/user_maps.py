@@ -8,10 +8,17 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import UserError
+from ..base.progress import checkpoint
+from ..base.side_by_side import Lock
 from ..media.clip import DEPTH_MAP, Footage, describe
+from ..media.onnx_network import IMAGENET, NETWORK, PictureNetwork
+from ..media.packed_pictures import PackedPictures
+from ..media.picture_file import Pixels, grey
 from ..media.side_files import SideFiles
-from .depth_network import NETWORK, open_network
 
+SIZES = ((518, 14), (384, 32))
+"""Pixels of the long side, and those that both sides are multiples of, for networks that take any size: Depth
+Anything's, then MiDaS's, as their authors run them."""
 GREY_TOLERANCE = 0.01
 """Relative difference between the channels of a gray picture. Chosen by inspection, for lossy files."""
 GREY_STEPS = 2
@@ -84,6 +91,28 @@ def open_depth(path: Path, footage: Footage) -> DepthMaps:
         return maps
     note = "the depth maps have 8 bits, only 256 steps from near to far; 16-bit PNG or EXR is smoother"
     return replace(maps, notes=(*maps.notes, note))
+
+
+def open_network(path: Path, clip: Footage) -> PackedPictures:
+    """Open a network as the source of a clip's maps, (h, w, 3) gray float32 a frame, made on demand.
+
+    Raises:
+        UserError: The network cannot be read.
+    """
+    try:
+        network = PictureNetwork(path, lambda sides: IMAGENET, SIZES)
+    except UserError as error:
+        raise UserError(f"depth maps: {error}") from error
+    # A second reader: reading frames around one would make the clip's own reader seek.
+    own, lock = replace(clip), Lock()
+
+    def decode(frame: int) -> Pixels:
+        with lock:
+            picture = own.read(frame)
+        checkpoint()
+        return grey(network.run(picture))
+
+    return PackedPictures(path, clip.frames, clip.width, clip.height, clip.fps, decode=decode)
 
 
 def _values(picture: NDArray[np.generic], name: str) -> Floats:

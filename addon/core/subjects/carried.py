@@ -13,12 +13,13 @@ import numpy as np
 from ..base.arrays import Map, Mask
 from ..base.lru_cache import remembered
 from ..base.progress import checkpoint
-from .cut import Cut, Neighbour, carries, first_cut, moved_with, next_cut
+from .cut import Cut, carries, first_cut, moved_with, neighbours, next_cut
 from .flow import warped
 from .networks import Networks
 from .odds import overlap
 from .people import SEEN_IN, Person, overlap_of, people, sampled
 from .pictures import ClipPictures
+from .salient import Look, SalientTrack
 from .strokes import Stroke
 
 STROKE = 0.01
@@ -77,7 +78,7 @@ class CarriedSubject:
     strokes: tuple[Stroke, ...]
     carried: Callable[[tuple[Stroke, ...]], CarriedSubject] | None = None
     """Returns the subject of fewer strokes, which may be carried already."""
-    _tracks: dict[int, Track] = field(default_factory=dict, repr=False, compare=False)
+    _tracks: dict[int, Track | SalientTrack] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def marked_frames(self) -> list[int]:
@@ -113,15 +114,16 @@ class CarriedSubject:
         sure = max(min(way.sure for way in ways), overlap(ways[0].mask, ways[1].mask))
         return replace(ways[0], share=np.asarray(share, np.float32), sure=sure)
 
-    def _track(self, start: int) -> Track:
+    def _track(self, start: int) -> Track | SalientTrack:
         if start not in self._tracks:
-            self._tracks[start] = Track(self.pictures, self.networks, start, self._marked(start))
+            kind = Track if self.networks.segmenter is None else SalientTrack
+            self._tracks[start] = kind(self.pictures, self.networks, start, self._marked(start))
         return self._tracks[start]
 
     def _marked(self, frame: int) -> Cut:
         """The subject in a frame with strokes."""
         first, corrects = self._first(frame)
-        return first if corrects else self._settled(frame, first)
+        return first if corrects or self.networks.segmenter else self._settled(frame, first)
 
     @remembered(math.inf)
     def _first(self, frame: int) -> tuple[Cut, bool]:
@@ -129,6 +131,10 @@ class CarriedSubject:
         number = next(i for i, stroke in enumerate(self.strokes) if stroke.frame == frame)
         prior = self._prior(frame, self.strokes[:number])
         picture, strokes = self.pictures.picture(frame), self.strokes_in(frame)
+        if prior is None and self.networks.segmenter is not None:
+            share = Look(self.networks, self.pictures, frame).first(strokes[0])
+            if share is not None:
+                return Cut.known(picture, np.where(strokes[1], np.float32(0), share), 1.0), False
         beside = neighbours(self.pictures, frame)
         return first_cut(self.networks, picture, strokes, beside, prior), prior is not None
 
@@ -163,14 +169,6 @@ class CarriedSubject:
             line = np.rint(at * 16).astype(np.int32)[:, None]
             cv2.polylines(rasters[0 if stroke.adds else 1], [line], False, 1, thick, shift=4)
         return rasters[0] > 0, (rasters[1] > 0) & ~(rasters[0] > 0)
-
-
-def neighbours(pictures: ClipPictures, frame: int) -> list[Neighbour]:
-    """Return the frames before and after one; errors as of `ClipPictures.picture`."""
-    at, last = pictures.frames.index(frame), len(pictures.frames) - 1
-    ways = [way for way in (-1, 1) if 0 <= at + way <= last]
-    flow = pictures.flow
-    return [Neighbour(flow.step(frame, way), flow.there(frame, way)[1]) for way in ways]
 
 
 @dataclass(frozen=True)

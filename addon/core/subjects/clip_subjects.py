@@ -16,8 +16,8 @@ from ..base.store import NOT_KEPT, Arrays, Entry, Store
 from ..camera.reconstruction import Reconstruction
 from ..media.fixed_area import Fixed, nothing_fixed
 from ..media.picture_file import Pixels
-from .carried import SAME_PERSON, CarriedSubject, PeopleOfClip, Track, neighbours
-from .cut import Cut
+from .carried import SAME_PERSON, CarriedSubject, PeopleOfClip, Track
+from .cut import Cut, neighbours
 from .gate import MovingTracks, moves, moving_tracks
 from .networks import Networks
 from .people import face_of, overlap_of, sampled

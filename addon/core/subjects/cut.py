@@ -28,6 +28,7 @@ from .odds import (
     stroke_motion,
 )  # fmt: skip
 from .people import overlap_of, touching
+from .pictures import ClipPictures
 
 SMOOTH_LAMBDA, SMOOTH_SIGMA = 40.0, 12.0
 """Lambda and grey levels of the fast global smoother that brings log-odds to the picture's edges."""
@@ -116,6 +117,14 @@ class Neighbour:
     """(h, w, 2) pixels to it."""
     agrees: Map
     """(h, w) in [0, 1], how far flow back returns."""
+
+
+def neighbours(pictures: ClipPictures, frame: int) -> list[Neighbour]:
+    """Return the frames before and after one; errors as of `ClipPictures.picture`."""
+    at, last = pictures.frames.index(frame), len(pictures.frames) - 1
+    ways = [way for way in (-1, 1) if 0 <= at + way <= last]
+    flow = pictures.flow
+    return [Neighbour(flow.step(frame, way), flow.there(frame, way)[1]) for way in ways]
 
 
 def first_cut(

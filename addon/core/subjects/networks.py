@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Bytes, Floats, Map
 from ..base.errors import UserError
 from ..base.side_by_side import Lock
+from .segmenter import Segmenter
 
 FOLDER = Path(__file__).resolve().parents[2] / "networks"
 SILHOUETTES = {"selfie_segmentation.tflite": 256, "selfie_segmentation_landscape.tflite": 144}
@@ -92,8 +93,9 @@ class Region:
 class Networks:
     """The networks, loaded when they are first used; several threads may use them, one at a time."""
 
-    def __init__(self, folder: Path = FOLDER) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path = FOLDER, segmenter: Path | None = None) -> None:
+        """`segmenter` is the file of the user's own segmenter."""
+        self._folder, self._file = folder, segmenter
         self._lock = Lock()
         self._loaded: dict[str, cv2.dnn.Net] = {}
 
@@ -101,6 +103,11 @@ class Networks:
     def exist(self) -> bool:
         """Return whether the extension was built with the networks."""
         return (self._folder / POSE).is_file()
+
+    @cached_property
+    def segmenter(self) -> Segmenter | None:
+        """The user's own segmenter, if one is named; UserError where it cannot be read."""
+        return None if self._file is None else Segmenter(self._file)
 
     def load(self) -> None:
         """Load those that cut out a subject, which takes 0.1 s; nothing without networks."""

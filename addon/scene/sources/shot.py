@@ -101,6 +101,8 @@ class Shot:
     """The folder that keeps the solve, if there is one: depth is kept there, too."""
     keeps_fixed: bool = True
     """True to leave out what is burnt into the clip, and to keep it as it is."""
+    segmenter: Path | None = None
+    """The user's own segmenter."""
 
     filmed: Filmed | None = field(default=None, repr=False, compare=False)
     found: ClipSubjects | None = field(default=None, repr=False, compare=False)
@@ -135,9 +137,9 @@ class Shot:
     @cached_property
     def _found(self) -> ClipSubjects:
         # Kept whatever strokes there are.
-        kept = self._kept(lambda: self._key(Networks().exist))
+        kept = self._kept(lambda: self._key(self.network_digests))
         return self.found or ClipSubjects(
-            self.reconstruction, lambda frame: self.context.scene(frame), kept,
+            self.reconstruction, lambda frame: self.context.scene(frame), kept, self.networks,
             fixed=lambda: None if self.fixed is None else self.fixed.covered,
         )  # fmt: skip
 
@@ -167,7 +169,7 @@ class Shot:
     def _depth_key(self, quality: Quality) -> str:
         """16 hexadecimal digits of all inputs of the clip's depth in a quality, as its files are now."""
         marked = tuple(each.key for each in self.subjects)
-        return self._key(marked, quality.stereo_side, quality.fusion, Networks().exist)
+        return self._key(marked, quality.stereo_side, quality.fusion, self.network_digests)
 
     def _highlight_key(self) -> str:
         """The same of highlights, whatever moves."""
@@ -175,6 +177,16 @@ class Shot:
 
     def _key(self, *options: object) -> str:
         return _digest(code_digest("core"), self.clip_digests, self.mask_digests, options)
+
+    @cached_property
+    def networks(self) -> Networks:
+        """The networks that cut out subjects."""
+        return Networks(segmenter=self.segmenter)
+
+    @property
+    def network_digests(self) -> tuple[bool, str]:
+        """Whether there are networks, and the digest of the user's own one."""
+        return self.networks.exist, "" if self.segmenter is None else clip_digest(self.segmenter)
 
     @property
     def mask_digests(self) -> tuple[str, str]:
@@ -230,14 +242,16 @@ def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
     settings = scene.virtual_aperture
     mesh = points_mesh(settings)
     path = solved_clip_path(settings, within)
-    depth_path, masks_path = (
-        str(absolute(p, scene)) if p else "" for p in (settings.depth_maps, settings.masks)
+    depth_path, masks_path, segmenter = (
+        str(absolute(p, scene)) if p else ""
+        for p in (settings.depth_maps, settings.masks, settings.segmenter)
     )
     drawn = settings.mask
     marked = subjects.marked_of(settings)
     key = (
-        str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "",
-        settings.colour_space, working_space(), str(settings.clip_pixel_aspect), str(settings.fixed),
+        str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, segmenter,
+        drawn.name_full if drawn else "", settings.colour_space, working_space(),
+        str(settings.clip_pixel_aspect), str(settings.fixed),
     )  # fmt: skip
     if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, clip_frame(scene)):
         reconstruction = reconstruction_of(settings)
@@ -254,7 +268,18 @@ def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
         light = space, working_space(), from_rec_709()
         _last = (
             key,
-            Shot(footage, reconstruction, depth, masks, shapes, marked, *light, kept, settings.fixed),
+            Shot(
+                footage,
+                reconstruction,
+                depth,
+                masks,
+                shapes,
+                marked,
+                *light,
+                kept,
+                settings.fixed,
+                Path(segmenter) if segmenter else None,
+            ),
         )
     elif _last[1].subjects != marked:
         _last = (key, _last[1].with_subjects(marked))

@@ -10,10 +10,12 @@ import bpy
 from ...core.base import limits
 from ...core.base.errors import UserError
 from ...core.base.store import delete_kept, kept_size
+from ...core.subjects.segmenter import Segmenter
 from ...scene.base import preferences
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.shot import KEPT_DEPTH
 from ..base.operators import Acts, Result, asked, has_clip, polls, requires
+from ..base.text import wrapped
 from ..jobs import depth_ahead
 
 LOOK_AGAIN = 3.0
@@ -22,6 +24,30 @@ LOOK_AGAIN = 3.0
 
 def _changed(_preferences: bpy.types.AddonPreferences, _context: bpy.types.Context) -> None:
     preferences.apply()
+
+
+KNOWN = (
+    "IS-Net (isnet-general-use.onnx) and U2-Net (u2net.onnx) are known. They are not part of the extension:"
+    " check that their terms allow your use"
+)
+_trial = ""
+"""What is wrong with the chosen segmenter."""
+
+
+def _segmenter_chosen(chosen: bpy.types.AddonPreferences, _context: bpy.types.Context) -> None:
+    """Try the segmenter on a test picture, and have the scenes use it that have none."""
+    global _trial
+    _trial = ""
+    if not chosen.segmenter:
+        return
+    try:
+        Segmenter(Path(bpy.path.abspath(chosen.segmenter))).check()
+    except UserError as error:
+        _trial = str(error)
+        return
+    for scene in bpy.data.scenes:
+        settings = scene.virtual_aperture
+        settings.segmenter = settings.segmenter or chosen.segmenter
 
 
 class VIRTUAL_APERTURE_preferences(bpy.types.AddonPreferences):  # noqa: N801
@@ -55,12 +81,22 @@ class VIRTUAL_APERTURE_preferences(bpy.types.AddonPreferences):  # noqa: N801
         update=_changed,
     )
 
-    def draw(self, _context: bpy.types.Context) -> None:
+    segmenter: bpy.props.StringProperty(
+        name="Segmenter",
+        description="Salient-object network of your own (.onnx) that cuts any object out of a clip from a"
+        " click or a stroke. Scenes use it from now on, unless they name another one",
+        subtype="FILE_PATH",
+        update=_segmenter_chosen,
+    )
+
+    def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "cache_folder")
         layout.prop(self, "kept_depth")
         layout.prop(self, "threads")
+        layout.prop(self, "segmenter")
+        wrapped(layout, context, _trial or KNOWN, icon="ERROR" if _trial else "INFO")
 
 
 class VIRTUAL_APERTURE_OT_delete_depth(Acts, bpy.types.Operator):  # noqa: N801

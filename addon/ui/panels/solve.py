@@ -94,5 +94,6 @@ class VIRTUAL_APERTURE_PT_depth(ClosedPanel, bpy.types.Panel):  # noqa: N801
         layout.prop(settings, "mask")
         if settings.mask is not None and masks.follows_tracks(settings.mask):
             wrapped(layout, context, "Mask points that follow tracks stay in place", icon="INFO")
+        layout.prop(settings, "segmenter")
         layout.prop(settings, "depth_maps")
         layout.prop(settings, "fixed")

@@ -1,9 +1,11 @@
-"""The user's own depth network, an ONNX file that OpenCV runs: a picture in, a map of inverse depth out."""
+"""Networks of the user's own, ONNX files that OpenCV runs: a picture in, a map out."""
+
+from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -11,44 +13,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
-from ..base.progress import checkpoint
 from ..base.regular_file import read_regular
 from ..base.side_by_side import Lock
-from ..media.clip import Footage
-from ..media.light import encode_srgb, finite
-from ..media.packed_pictures import PackedPictures
-from ..media.picture_file import Pixels, grey
+from .light import encode_srgb, finite
+from .picture_file import Pixels
 
 NETWORK = ".onnx"
 """Ending of the files that are run."""
-MEAN = np.array([0.485, 0.456, 0.406], np.float32)
-"""Mean of red, green and blue in [0, 1] that MiDaS and Depth Anything subtract: ImageNet's."""
-DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)
-"""Standard deviation by which they divide."""
-SIZES = ((518, 14), (384, 32))
-"""Pixels of the long side, and those that both sides are multiples of, for networks that take any size: Depth
-Anything's, then MiDaS's, as their authors run them."""
 LARGEST = 4096
 """Pixels of a side that a network may ask for. Chosen by inspection: such a picture takes 200 MB."""
+
+
+@dataclass(frozen=True)
+class Normal:
+    """The pictures that a network was trained with."""
+
+    mean: float | tuple[float, ...]
+    """Mean of red, green and blue in [0, 1], which is subtracted."""
+    deviation: float | tuple[float, ...]
+    """Standard deviation, by which they are divided."""
+
+
+IMAGENET = Normal((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
+"""Those of MiDaS, Depth Anything and U2-Net."""
+
 _PATH = (7, 11, 2, 1, 2)
 """Numbers of the fields of ONNX's protobuf from the model to its first input's shape: the graph, its inputs,
 an input's type, as a tensor, its shape."""
+_OUTPUT = (7, 12, 1)
+"""Those to the name of its first output."""
 
 
-class DepthNetwork:
+class PictureNetwork:
     """A network that is ready to run; several threads may."""
 
-    def __init__(self, path: Path) -> None:
-        """OSError where there is no such file, ValueError where OpenCV refuses it or it takes no picture."""
-        data = read_regular(path)
-        self._lock = Lock()
-        with _refusals():
-            self._net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
-        shape = _input_shape(data)
-        if shape and (len(shape) != 4 or shape[1] not in (0, 3) or max(shape) > LARGEST):
-            raise ValueError(f"its input is {_sides(shape)}, not a picture: 1 x 3 x height x width")
-        self._told = shape[2:] or (0, 0)
-        self._sizes = SIZES if 0 in self._told else SIZES[:1]
+    def __init__(
+        self,
+        path: Path,
+        normal: Callable[[tuple[int, ...]], Normal],
+        sizes: Sequence[tuple[int, int]],
+        square: bool = False,
+    ) -> None:
+        """Load a network.
+
+        Args:
+            path: The file.
+            normal: Returns the normalisation for the height and width that the file asks for, 0 for any;
+                raises ValueError for those of another kind of network.
+            sizes: Pixels of the long side, and those that both sides are multiples of, to try where the file
+                takes any size.
+            square: Whether pictures are stretched to a square there.
+
+        Raises:
+            UserError: There is no such file, OpenCV refuses it, or it takes no picture.
+        """
+        self.name = path.name
+        self._lock, self._square = Lock(), square
+        try:
+            data = read_regular(path)
+            with _refusals():
+                self._net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
+            shape = _input_shape(data)
+            if shape and (len(shape) != 4 or shape[1] not in (0, 3) or max(shape) > LARGEST):
+                raise ValueError(f"its input is {_sides(shape)}, not a picture: 1 x 3 x height x width")
+            self._sides = shape[2:] or (0, 0)
+            self._normal = normal(self._sides)
+            self._output = _first_output(data)
+        except (OSError, ValueError) as error:
+            reason = (error.strerror if isinstance(error, OSError) else None) or error
+            raise UserError(f"{path.name} cannot be read: {reason}") from error
+        self._sizes = list(sizes if 0 in self._sides else sizes[:1])
 
     def run(self, picture: Pixels) -> NDArray[np.generic]:
         """Return the network's map (h, w) of a picture (H, W, 3 or 4) as stored.
@@ -72,44 +106,26 @@ class DepthNetwork:
                     return found
 
     def _at(self, picture: Pixels, long: int, step: int) -> NDArray[np.generic]:
-        scale = long / max(picture.shape[:2])
+        own = (1, 1) if self._square else picture.shape[:2]
+        scale = long / max(own)
         height, width = (
-            told or max(round(side * scale / step), 1) * step
-            for told, side in zip(self._told, picture.shape[:2], strict=True)
+            asked or max(round(side * scale / step), 1) * step
+            for asked, side in zip(self._sides, own, strict=True)
         )
         colour = np.ascontiguousarray(finite(picture)[0][..., :3])
-        shown = _displayed(cv2.resize(colour, (width, height), interpolation=cv2.INTER_AREA))
-        normal = ((shown - MEAN) / DEVIATION).astype(np.float32)
+        how = cv2.INTER_AREA if max(colour.shape) > max(height, width) else cv2.INTER_LINEAR
+        shown = _displayed(cv2.resize(colour, (width, height), interpolation=how))
+        mean, deviation = (
+            np.asarray(each, np.float32) for each in (self._normal.mean, self._normal.deviation)
+        )
+        normal = np.asarray((shown - mean) / deviation, np.float32)
         self._net.setInput(np.ascontiguousarray(normal.transpose(2, 0, 1)[None]))
         # OpenCV's own memory, which the next picture overwrites.
-        found = np.array(self._net.forward())
+        found = np.array(self._net.forward(self._output))
         sides = [side for side in found.shape if side != 1]
         if len(sides) != 2:
             raise ValueError(f"its output is {_sides(found.shape)}, not one map: height x width")
         return found.reshape(sides)
-
-
-def open_network(path: Path, clip: Footage) -> PackedPictures:
-    """Open a network as the source of a clip's maps, (h, w, 3) gray float32 a frame, made on demand.
-
-    Raises:
-        UserError: The network cannot be read.
-    """
-    try:
-        network = DepthNetwork(path)
-    except (OSError, ValueError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else None) or error
-        raise UserError(f"depth maps: {path.name} cannot be read: {reason}") from error
-    # A second reader: reading frames around one would make the clip's own reader seek.
-    own, lock = replace(clip), Lock()
-
-    def decode(frame: int) -> Pixels:
-        with lock:
-            picture = own.read(frame)
-        checkpoint()
-        return grey(network.run(picture))
-
-    return PackedPictures(path, clip.frames, clip.width, clip.height, clip.fps, decode=decode)
 
 
 @contextmanager
@@ -143,15 +159,27 @@ def _input_shape(data: bytes) -> tuple[int, ...]:
 
     OpenCV does not report it. ValueError for bytes that are not a protobuf.
     """
-    message: int | memoryview = memoryview(data)
-    for field in _PATH:
-        message = next((value for number, value in _fields(message) if number == field), 0)
+    message = _at_path(data, _PATH)
     sides = [
         next((value for number, value in _fields(side) if number == 1), 0)
         for field, side in _fields(message) if field == 1
     ]  # fmt: skip
     # Some exporters write -1 for free sizes.
     return tuple(side if isinstance(side, int) and side < 1 << 63 else 0 for side in sides)
+
+
+def _first_output(data: bytes) -> str:
+    """The name of the first output of an ONNX model: networks with several give the finest one first."""
+    name = _at_path(data, _OUTPUT)
+    return "" if isinstance(name, int) else bytes(name).decode("utf-8", "replace")
+
+
+def _at_path(data: bytes, path: Sequence[int]) -> int | memoryview:
+    """The first value of nested fields of a protobuf message; 0 if there is none."""
+    message: int | memoryview = memoryview(data)
+    for field in path:
+        message = next((value for number, value in _fields(message) if number == field), 0)
+    return message
 
 
 def _fields(message: int | memoryview) -> Iterator[tuple[int, int | memoryview]]:
