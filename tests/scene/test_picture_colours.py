@@ -294,12 +294,13 @@ def test_chromaticities_of_light(scene: bpy.types.Scene, tmp_path: Path, name: s
 @pytest.mark.parametrize(
     ("identifier", "name"),
     [("lin_ap1_scene", "ACEScg"), ("lin_rec2020_scene", "Linear Rec.2020"),
-     ("lin_p3d65_scene", "Linear DCI-P3 D65"), ("srgb_p3d65_display", "Display P3")],
+     ("lin_p3d65_scene", "Linear DCI-P3 D65"), ("srgb_p3d65_display", "Display P3"),
+     ("srgb_rec709_display", "sRGB")],
 )  # fmt: skip
 def test_files_that_blender_itself_tags(
     scene: bpy.types.Scene, tmp_path: Path, identifier: str, name: str
 ) -> None:
-    stored = np.random.default_rng(2).random((16, 16, 3)).astype(np.float16)
+    stored = (2 * np.random.default_rng(2).random((16, 16, 3))).astype(np.float16)
     made = exr(stored, colorInteropID=("string", identifier.encode()))
     clip = opened(tmp_path, made, ".exr")
     expected, taken = in_blender(clip.files[1])

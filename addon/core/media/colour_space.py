@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import UserError
+from .light import decode_srgb
 from .picture_file import Pixels
 
 SRGB = ""
@@ -59,6 +60,16 @@ class ColourSpace:
         line = np.linspace(self.curve[0], self.curve[-1], len(self.curve))
         return bool(np.abs(self.curve - line).max() <= 1e-4 * np.abs(self.curve).max())
 
+    def _of_floats(self, stored: Pixels) -> NDArray[np.float32]:
+        """Light of stored floats, also above 1: Blender saves bright pictures as EXR files in sRGB."""
+        line = np.linspace(0, 1, TOP + 1)
+        if np.allclose(self.curve, decode_srgb(line), atol=1e-4):
+            return np.asarray(decode_srgb(np.asarray(stored, np.float32)), np.float32)
+        light = np.interp(stored, line, self.curve)
+        # Above 1, gammas are exact and other curves go on as they rise in their upper half.
+        power = np.log(self.curve[-1] / self.curve[TOP // 2]) / np.log(TOP / (TOP // 2))
+        return np.asarray(light * np.maximum(stored, 1) ** power, np.float32)
+
     def to_light(self, stored: Pixels) -> NDArray[np.float32]:
         """Return stored values (H, W, 3 or 4) in linear light, with premultiplied alpha.
 
@@ -72,7 +83,7 @@ class ColourSpace:
             if self.is_linear:
                 light = colour * np.float32(self.curve[-1])
             elif self.is_tagged:
-                light = np.interp(colour, np.linspace(0, 1, TOP + 1), self.curve).astype(np.float32)
+                light = self._of_floats(colour)
             else:
                 raise UserError(
                     f"the clip's pictures hold linear light, which is not {self.name}; choose a linear color"
