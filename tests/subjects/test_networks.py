@@ -64,11 +64,18 @@ def test_nothing_is_detected_in_a_plain_picture(networks: Networks) -> None:
 def test_a_figure_is_detected_and_its_mask_covers_it(networks: Networks) -> None:
     picture = figure()
     (person,) = networks.poses(picture, 0.3)
-    mask, presence = networks.body(picture, Region.of(person))
+    mask, presence, after = networks.body(picture, Region.of(person))
     drawn = np.abs(picture.astype(int) - picture[0, 0]).sum(axis=2) > 30
     assert presence > 0.5
     union = np.count_nonzero((mask > 0.5) | drawn)
     assert np.count_nonzero((mask > 0.5) & drawn) / union > 0.6
+    # The network's own area of the person is that of the detector, and shows the person again.
+    region = Region.of(person)
+    assert np.linalg.norm(after.centre - region.centre) < 0.1 * region.side
+    assert after.side == pytest.approx(region.side, rel=0.25) and after.up @ region.up > 0.95
+    again, presence, _ = networks.body(picture, after)
+    union = np.count_nonzero((again > 0.5) | (mask > 0.5))
+    assert presence > 0.5 and np.count_nonzero((again > 0.5) & (mask > 0.5)) / union > 0.85
 
 
 def test_a_region_maps_its_centre_and_its_upper_rim() -> None:

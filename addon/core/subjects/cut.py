@@ -12,7 +12,7 @@ from ..base.global_smoother import globally_smoothed
 from ..base.progress import checkpoint
 from .flow import INLIER, change_of_size
 from .gate import APART_ALIKE
-from .networks import Networks, log_odds
+from .networks import Networks, Region, log_odds
 from .odds import (
     CROP,
     OUTSIDE,
@@ -88,6 +88,8 @@ class Cut:
     """Pixels of it, the mean of the last frames."""
     sure: float = 1.0
     """In [0, 1], intersection over union with the place where it was expected."""
+    region: Region | None = None
+    """Area of a person, for the network that segments people in the next frame."""
 
     @classmethod
     def known(cls, picture: Bytes, share: Map, trust: float) -> Cut:
@@ -96,7 +98,7 @@ class Cut:
 
     def gone(self) -> Cut:
         """Return the subject where nothing of it is seen."""
-        return replace(self, share=np.zeros_like(self.share), sure=0.0)
+        return replace(self, share=np.zeros_like(self.share), sure=0.0, region=None)
 
     @property
     def mask(self) -> Mask:
@@ -202,7 +204,7 @@ def next_cut(
     if before.trust < UNRECOGNISED:
         carried = _with_uncovered(picture, before.colours, carried, neighbours)
     there = carried > 0.5
-    seen = recognised(networks, picture, there)
+    seen, region = recognised(networks, picture, there, before.region)
     trust = (1 - TRUST_LEARNED) * before.trust + TRUST_LEARNED * _agreement(seen, there)
     weight = trust * CARRIED[1] + (1 - trust) * CARRIED[0]
     share = _solved(
@@ -214,7 +216,7 @@ def next_cut(
     area = before.area / nearer**2
     if not found.is_seen or found.area < LOST * area:
         return before.gone()
-    found = replace(found, sure=overlap(share > 0.5, there))
+    found = replace(found, sure=overlap(share > 0.5, there), region=region)
     if found.area < WHOLE * area:
         if before.colours.odds(picture, COLOUR[0])[found.mask].mean() < LIKE:
             # Flow sticks to the rim of an occluder.
@@ -282,7 +284,7 @@ def _recognised_from(networks: Networks, picture: Bytes, expected: Mask, box: Bo
         part = touching((found > 0) | expected, expected)
         box = Box.around(part, CROP)
     settled = _within(overlap(before, part))
-    person = body(networks, picture, box, part, 0.3)
+    person, _ = body(networks, picture, box, part, 0.3)
     return (found if person is None else np.asarray((found + 2 * person) / 2, np.float32)), settled
 
 

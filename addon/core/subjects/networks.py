@@ -24,6 +24,8 @@ SILHOUETTES = {"selfie_segmentation.tflite": 256, "selfie_segmentation_landscape
 """Two networks that segment the largest figure, and the rows of their inputs, of 256 columns each."""
 POSE, BODY = "pose_detection.onnx", "pose_landmark_full.tflite"
 """One that detects people, and one that segments a person."""
+ALIGNMENT = slice(33, 35)
+"""Of the points of `BODY`, the middle of the hips and a point on the circle around the whole body."""
 OVERLAP = 0.3
 """Intersection over union from which on two detections are one, as MediaPipe merges them."""
 
@@ -79,7 +81,11 @@ class Region:
     @classmethod
     def of(cls, person: Detection) -> Region:
         """Return the square around a whole body, 1.25 times as large as the circle around it."""
-        hips, rim = person.points[0], person.points[1]
+        return cls.around(person.points[0], person.points[1])
+
+    @classmethod
+    def around(cls, hips: Floats, rim: Floats) -> Region:
+        """Return it by the middle of the hips (2,) and a point (2,) on the circle around the whole body."""
         radius = float(np.linalg.norm(rim - hips))
         return cls(hips, 2.5 * radius, (rim - hips) / max(radius, 1e-9))
 
@@ -145,7 +151,7 @@ class Networks:
         """
         return self._detected("face_detection_full_range_sparse.onnx", picture, FAR_FACES, least)
 
-    def body(self, picture: Bytes, region: Region) -> tuple[Map, float]:
+    def body(self, picture: Bytes, region: Region) -> tuple[Map, float, Region]:
         """Segment the person in a region.
 
         Args:
@@ -153,16 +159,19 @@ class Networks:
             region: Area of the person.
 
         Returns:
-            (h, w) float32 probability, 0 outside of the region, and the probability that a person is there.
+            (h, w) float32 probability, 0 outside of the region, the probability that a person is there, and
+            the area around the person as this network sees it, for the next frame.
         """
         turned = region.to_square(256)
         square = cv2.warpAffine(picture, turned, (256, 256), flags=cv2.INTER_AREA)
-        _, presence, mask = self._run(BODY, _stretched(square, 256, 256))[:3]
+        points, presence, mask = self._run(BODY, _stretched(square, 256, 256))[:3]
+        back = cv2.invertAffineTransform(turned)
+        hips, rim = points.reshape(-1, 5)[ALIGNMENT, :2] @ back[:, :2].T + back[:, 2]
         found = 1 / (1 + np.exp(-np.clip(mask.reshape(256, 256), -30, 30)))
         placed = cv2.warpAffine(
             found, turned, picture.shape[1::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         )
-        return np.asarray(placed, np.float32), float(presence.item())
+        return np.asarray(placed, np.float32), float(presence.item()), Region.around(hips, rim)
 
     def _detected(self, name: str, picture: Bytes, anchors: Anchors, least: float) -> list[Detection]:
         height, width = picture.shape[:2]

@@ -86,32 +86,52 @@ def silhouette(networks: Networks, picture: Bytes, box: Box) -> Map:
     return found
 
 
-def body(networks: Networks, picture: Bytes, box: Box, there: Mask, least: float) -> Map | None:
-    """Return the log-odds (h, w) of the network that segments people in a box, or None.
+def body(
+    networks: Networks, picture: Bytes, box: Box, there: Mask, least: float, last: Region | None = None
+) -> tuple[Map | None, Region | None]:
+    """Segment the person in a box whose intersection over union with an expected subject is `least` or more.
 
-    The person has an intersection over union of `least` or more with the expected subject (h, w).
+    Args:
+        networks: The networks.
+        picture: (h, w, 3) uint8 RGB.
+        box: Area in which people are detected.
+        there: (h, w) where the subject is expected.
+        least: Intersection over union from which on the person is the subject.
+        last: Area of the person by the frame before: if it is there still, nobody is detected.
+
+    Returns:
+        Log-odds (h, w), None without such a person, and the area of the person for the next frame.
     """
-    best, found = least, None
+    best, found, around = least, None, None
     if not networks.exist:
-        return None
+        return None, None
+    if last is not None:
+        mask, presence, after = networks.body(picture, last)
+        if presence >= PRESENCE and overlap(mask > 0.5, there) >= least:
+            return log_odds(mask), after
     for person in networks.poses(np.ascontiguousarray(picture[box.part]), PERSON):
         region = Region.of(person)
-        mask, presence = networks.body(picture, Region(region.centre + box.corner, region.side, region.up))
+        mask, presence, after = networks.body(
+            picture, Region(region.centre + box.corner, region.side, region.up)
+        )
         if presence >= PRESENCE and (likeness := overlap(mask > 0.5, there)) >= best:
-            best, found = likeness, log_odds(mask)
-    return found
+            best, found, around = likeness, log_odds(mask), after
+    return found, around
 
 
-def recognised(networks: Networks, picture: Bytes, there: Mask) -> Map:
+def recognised(
+    networks: Networks, picture: Bytes, there: Mask, last: Region | None = None
+) -> tuple[Map, Region | None]:
     """Return what the networks see of a subject that is expected at a mask.
 
     Args:
         networks: The networks.
         picture: (h, w, 3) uint8 RGB.
         there: (h, w) where the subject is expected; not empty.
+        last: As of `body`.
 
     Returns:
-        (h, w) log-odds.
+        (h, w) log-odds, and the area of a person for the next frame.
     """
     box = Box.around(there, CROP)
     found = silhouette(networks, picture, box)
@@ -123,8 +143,8 @@ def recognised(networks: Networks, picture: Bytes, there: Mask) -> Map:
             again = silhouette(networks, picture, Box.around(part, 1.8))
             near = cv2.dilate(part.astype(np.uint8), np.ones((15, 15), np.uint8)) > 0
             found = np.where(near, np.maximum(found, again), found)
-    person = body(networks, picture, box, there, BODY_OVERLAP)
-    return found if person is None else np.asarray((found + 2 * person) / 2, np.float32)
+    person, around = body(networks, picture, box, there, BODY_OVERLAP, last)
+    return (found if person is None else np.asarray((found + 2 * person) / 2, np.float32)), around
 
 
 FAR = 4.0

@@ -65,7 +65,7 @@ def people(networks: Networks, picture: Bytes) -> list[Person]:
 def bodies(networks: Networks, picture: Bytes) -> list[Map]:
     """Return the probability (h, w) of each detected body, of one network alone; arguments as of `people`."""
     found = (networks.body(picture, Region.of(each)) for each in networks.poses(picture, PERSON))
-    return [share for share, there in found if there >= PRESENCE and (share > 0.5).mean() >= SMALLEST]
+    return [share for share, there, _ in found if there >= PRESENCE and (share > 0.5).mean() >= SMALLEST]
 
 
 def sampled(frames: Sequence[int], count: int = SAMPLED) -> list[int]:

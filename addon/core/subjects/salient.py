@@ -145,7 +145,7 @@ class Look:
         for box in boxes if self.networks.exist else ():
             for person in self.networks.poses(np.ascontiguousarray(picture[box.part]), BODY):
                 region = Region.of(person)
-                share, presence = self.networks.body(
+                share, presence, _ = self.networks.body(
                     picture, Region(region.centre + box.corner, region.side, region.up)
                 )
                 body = share > 0.5
