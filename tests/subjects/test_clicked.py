@@ -14,8 +14,9 @@ from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.focus.place import Place
 from addon.core.frame.clicked import clicked
 from addon.core.frame.clip_context import ClipContext
+from addon.core.subjects.clip_subjects import ClipSubject, ClipSubjects
 from addon.core.subjects.networks import Networks
-from addon.core.subjects.strokes import MarkedSubject
+from addon.core.subjects.strokes import MarkedSubject, Stroke
 
 from . import walls
 from .walls import HEIGHT, LENS, WIDTH, disc, filmed, overlap, place
@@ -36,6 +37,12 @@ def click(
         return replace(clip, marked=(*clip.marked, new), known_subjects=clip._subjects)
 
     return clicked(clip, clip.places(FRAME), x / WIDTH, y / HEIGHT, name, marking, seen)
+
+
+def at(frame: int) -> tuple[float, float]:
+    """The middle of the disc, shares of the picture."""
+    x, y = place(frame)
+    return x / WIDTH, y / HEIGHT
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +74,22 @@ def test_a_click_on_another_one_marks_all_of_it() -> None:
     for mask in seen:
         assert np.array_equal(mask, marked.parts.named("Disc").mask(FRAME))
     assert len(seen) == 2
+
+
+class Unwanted(ClipSubjects):
+    """Subjects of a clip whose objects nobody may look for."""
+
+    @property
+    def objects(self) -> list[ClipSubject]:  # type: ignore[override]
+        raise AssertionError
+
+
+def test_a_click_on_a_person_does_not_wait_for_objects(clip: walls.Filmed) -> None:
+    seen = Unwanted(clip.reconstruction, clip.read, networks=Networks(walls.NONE))
+    person = seen.marked(MarkedSubject("person 1", (Stroke(FRAME, (at(FRAME),)),)))
+    vars(seen)["people"] = [replace(person, kind="person")]
+    found = replace(clip, known_subjects=seen).subject_at(FRAME, *at(FRAME))
+    assert found is not None and found.name == "person 1"
 
 
 def test_a_click_on_what_stands_still_is_as_without_subjects(clip: walls.Filmed) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -77,12 +77,18 @@ class MovingParts:
 
     def at(self, frame: int, x: float, y: float) -> ClipSubject | None:
         """Return the subject at fractions x, y of a frame's picture, (0, 0) top left, or None."""
-        for each in self.every_subject:
+        for each in self._one_by_one():
             mask = each.mask(frame)
             rows, columns = mask.shape
             if mask[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)]:
                 return each
         return None
+
+    def _one_by_one(self) -> Iterator[ClipSubject]:
+        """The subjects; people are known before objects are looked for."""
+        yield from (self.subjects.marked(each) for each in self.marked)
+        yield from self.people
+        yield from self.every_subject
 
     @remembered()
     def mask(self, frame: int) -> Mask | None:

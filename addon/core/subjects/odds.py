@@ -120,7 +120,7 @@ def body(
 
 
 def recognised(
-    networks: Networks, picture: Bytes, there: Mask, last: Region | None = None
+    networks: Networks, picture: Bytes, there: Mask, last: Region | None = None, looks: bool = True
 ) -> tuple[Map, Region | None]:
     """Return what the networks see of a subject that is expected at a mask.
 
@@ -129,6 +129,7 @@ def recognised(
         picture: (h, w, 3) uint8 RGB.
         there: (h, w) where the subject is expected; not empty.
         last: As of `body`.
+        looks: Whether a person is looked for.
 
     Returns:
         (h, w) log-odds, and the area of a person for the next frame.
@@ -143,7 +144,7 @@ def recognised(
             again = silhouette(networks, picture, Box.around(part, 1.8))
             near = cv2.dilate(part.astype(np.uint8), np.ones((15, 15), np.uint8)) > 0
             found = np.where(near, np.maximum(found, again), found)
-    person, around = body(networks, picture, box, there, BODY_OVERLAP, last)
+    person, around = body(networks, picture, box, there, BODY_OVERLAP, last) if looks else (None, None)
     return (found if person is None else np.asarray((found + 2 * person) / 2, np.float32)), around
 
 
