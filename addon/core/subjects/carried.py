@@ -10,7 +10,7 @@ from functools import cached_property, partial
 import cv2
 import numpy as np
 
-from ..base.arrays import Map, Mask
+from ..base.arrays import Mask
 from ..base.lru_cache import remembered
 from ..base.progress import checkpoint
 from .cut import Cut, carries, first_cut, moved_with, neighbours, next_cut
@@ -116,14 +116,15 @@ class CarriedSubject:
 
     def _track(self, start: int) -> Track | SalientTrack:
         if start not in self._tracks:
-            kind = Track if self.networks.segmenter is None else SalientTrack
-            self._tracks[start] = kind(self.pictures, self.networks, start, self._marked(start))
+            first = self._marked(start)
+            kind = SalientTrack if first.is_salient else Track
+            self._tracks[start] = kind(self.pictures, self.networks, start, first)
         return self._tracks[start]
 
     def _marked(self, frame: int) -> Cut:
         """The subject in a frame with strokes."""
         first, corrects = self._first(frame)
-        return first if corrects or self.networks.segmenter else self._settled(frame, first)
+        return first if corrects or first.is_salient else self._settled(frame, first)
 
     @remembered(math.inf)
     def _first(self, frame: int) -> tuple[Cut, bool]:
@@ -134,16 +135,18 @@ class CarriedSubject:
         if prior is None and self.networks.segmenter is not None:
             share = Look(self.networks, self.pictures, frame).first(strokes[0])
             if share is not None:
-                return Cut.known(picture, np.where(strokes[1], np.float32(0), share), 1.0), False
+                found = Cut.known(picture, np.where(strokes[1], np.float32(0), share), 1.0)
+                return replace(found, is_salient=True), False
         beside = neighbours(self.pictures, frame)
-        return first_cut(self.networks, picture, strokes, beside, prior), prior is not None
+        found = first_cut(self.networks, picture, strokes, beside, None if prior is None else prior.share)
+        return (found, False) if prior is None else (replace(found, is_salient=prior.is_salient), True)
 
-    def _prior(self, frame: int, earlier: tuple[Stroke, ...]) -> Map | None:
-        """(h, w) its probability in a frame by earlier strokes; None where none of them adds."""
+    def _prior(self, frame: int, earlier: tuple[Stroke, ...]) -> Cut | None:
+        """It in a frame by earlier strokes; None where none of them adds."""
         if not any(stroke.adds for stroke in earlier):
             return None
         known = self.carried or partial(CarriedSubject, self.pictures, self.networks)
-        return known(earlier).cut(frame).share
+        return known(earlier).cut(frame)
 
     def _settled(self, frame: int, first: Cut) -> Cut:
         """A subject carried to frames beside it and back, which shows more of how it moves."""

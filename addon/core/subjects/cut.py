@@ -92,6 +92,8 @@ class Cut:
     """In [0, 1], intersection over union with the place where it was expected."""
     region: Region | None = None
     """Area of a person, for the network that segments people in the next frame."""
+    is_salient: bool = False
+    """True if the user's own segmenter has cut it out."""
     alone: int = 0
     """Frames since a person was looked for in vain."""
 
