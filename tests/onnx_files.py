@@ -12,6 +12,9 @@ Side = int | str
 OPSET = 13
 """ONNX's version of operations."""
 
+ANY: tuple[Side, ...] = ("batch", 3, "height", "width")
+"""A picture of any size."""
+
 
 def network(
     nodes: Sequence[bytes],
@@ -35,6 +38,14 @@ def node(kind: str, inputs: Sequence[str], output: str, **numbers: int) -> bytes
     for name, number in numbers.items():
         data += _field(5, _field(1, name) + _field(3, number) + _field(20, 2))
     return data
+
+
+def red(shape: tuple[Side, ...] = ANY, times: float = 40.0) -> bytes:
+    """A network to which red things are salient, and whose second output is none of them."""
+    weight = np.zeros((1, 3, 1, 1), np.float32)
+    weight[0, :2, 0, 0] = times, -times
+    nodes = [node("Conv", ["x", "w", "b"], "odds"), node("Sigmoid", ["odds"], "y"), node("Relu", ["x"], "z")]
+    return network(nodes, {"w": weight, "b": np.array([-8.0], np.float32)}, shape, ("y", "z"))
 
 
 def _tensor(name: str, values: np.ndarray) -> bytes:

@@ -17,22 +17,13 @@ from addon.core.subjects.pictures import ClipPictures, small
 from addon.core.subjects.segmenter import Segmenter
 from addon.core.subjects.strokes import Stroke
 
-from ..onnx_files import Side, network, node
+from ..onnx_files import ANY, Side, red
 from ..scenes import texture
 
-ANY: tuple[Side, ...] = ("batch", 3, "height", "width")
 WIDTH, HEIGHT, RADIUS = 640, 360, 50
 FRAMES = tuple(range(1, 31))
 NONE = Path("none")
 """Folder without the built-in networks."""
-
-
-def red(shape: tuple[Side, ...] = ANY, times: float = 40.0) -> bytes:
-    """A network to which red things are salient, and whose second output is none of them."""
-    weight = np.zeros((1, 3, 1, 1), np.float32)
-    weight[0, :2, 0, 0] = times, -times
-    nodes = [node("Conv", ["x", "w", "b"], "odds"), node("Sigmoid", ["odds"], "y"), node("Relu", ["x"], "z")]
-    return network(nodes, {"w": weight, "b": np.array([-8.0], np.float32)}, shape, ("y", "z"))
 
 
 def write(path: Path, data: bytes) -> Path:

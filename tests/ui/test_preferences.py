@@ -18,7 +18,8 @@ from addon.ui import panels
 
 from ..foreign_models import write_clip, write_model
 from ..in_blender import choose_clip
-from ..recorder import draw
+from ..onnx_files import red
+from ..recorder import Recorder, draw
 
 
 @pytest.fixture
@@ -30,7 +31,7 @@ def chosen(scene: bpy.types.Scene) -> Iterator[bpy.types.AddonPreferences]:
     found = preferences.preferences()
     assert found is not None
     yield found
-    found.threads = 0
+    found.threads, found.segmenter = 0, ""
     limits.limit_kept_depth(0)
     addons.remove(entry)
 
@@ -76,6 +77,46 @@ def test_limits_follow_the_preferences(chosen: bpy.types.AddonPreferences) -> No
     chosen.threads, chosen.kept_depth = 1, 2.0
     assert limits.threads() == 1
     assert limits.most_kept_depth() == 2 << 30
+
+
+def shown(chosen: bpy.types.AddonPreferences) -> str:
+    """The texts of the preferences."""
+
+    class Shown:
+        layout = Recorder()
+
+        def __getattr__(self, name: str) -> object:
+            return getattr(chosen, name)
+
+        @property
+        def bl_rna(self) -> bpy.types.Struct:
+            return chosen.bl_rna
+
+    seen = Shown()
+    panels.preferences.VIRTUAL_APERTURE_preferences.draw(seen, bpy.context)
+    return " ".join(seen.layout.texts)
+
+
+def test_a_segmenter_is_tried_and_taken_by_scenes_without_one(
+    scene: bpy.types.Scene, chosen: bpy.types.AddonPreferences, tmp_path: Path
+) -> None:
+    own = tmp_path / "net.onnx"
+    own.write_bytes(red(times=-40.0))
+    chosen.segmenter = str(own)
+    assert "net.onnx does not find the disc of a test picture" in shown(chosen)
+    assert not scene.virtual_aperture.segmenter
+    own.write_bytes(red())
+    chosen.segmenter = str(own)
+    assert "check that their terms allow your use" in shown(chosen)
+    assert scene.virtual_aperture.segmenter == str(own)
+    # A scene's own one stays, and a new solve takes the preferred one.
+    scene.virtual_aperture.segmenter = "other.onnx"
+    chosen.segmenter = str(own)
+    assert scene.virtual_aperture.segmenter == "other.onnx"
+    scene.virtual_aperture.segmenter = ""
+    scene.virtual_aperture.footage = str(write_clip(tmp_path / "clip"))
+    bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
+    assert scene.virtual_aperture.segmenter == str(own)
 
 
 def test_kept_depth_is_shown_and_deleted(scene: bpy.types.Scene, tmp_path: Path) -> None:

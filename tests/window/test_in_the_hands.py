@@ -143,6 +143,7 @@ def test_the_f_stop_changes_the_picture(program: Program) -> None:
     program.settle()
     before = detail(frame_seen(program))
     stop = program.ask(f"{SETTINGS}.f_stop")
+    program.press("set_amount_by(kind='F_STOP')", across=0.45)
     button = program.find("virtual_aperture.f_stop", "VIEW_3D", "UI", 0.6)
     watch(program)
     program.fill(button, f"{stop / 2:.4f}")

@@ -139,7 +139,8 @@ def test_closing_blender_asks_first_and_keeps_finished_frames(
         "for thing in bpy.data.objects:\n"
         "    # With CG objects in the picture another run begins anew.\n"
         "    thing.hide_render |= thing.type == 'MESH'\n"
-        "bpy.context.scene.virtual_aperture.views = 400\n"
+        # The mouse takes seconds to the button that cancels.
+        "bpy.context.scene.virtual_aperture.views = 1600\n"
         "bpy.ops.wm.save_mainfile()\n"
         "None"
     )

@@ -157,7 +157,7 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
     D = 2 R f |1/Z - 1/Zf|. The farthest background is the 2nd percentile of the frame's inverse depths
     (single points farther away are mostly wrong). With the background itself in focus, the nearest
     foreground, the 98th percentile, takes its place; whether it is in focus is judged by the 90th, as points
-    on a person who moves seem close to the camera. UserError where there is nothing to blur.
+    on moving people seem close to the camera. UserError where there is nothing to blur.
     """
     canvas = reconstruction.canvas(frame)
     # First: where nothing is in focus a million points need not be looked at.

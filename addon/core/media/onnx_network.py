@@ -62,7 +62,7 @@ class PictureNetwork:
                 raises ValueError for those of another kind of network.
             sizes: Pixels of the long side, and those that both sides are multiples of, to try where the file
                 takes any size.
-            square: Whether pictures are stretched to a square there.
+            square: True to stretch pictures to a square there.
 
         Raises:
             UserError: There is no such file, OpenCV refuses it, or it takes no picture.

@@ -25,7 +25,7 @@ SILHOUETTES = {"selfie_segmentation.tflite": 256, "selfie_segmentation_landscape
 POSE, BODY = "pose_detection.onnx", "pose_landmark_full.tflite"
 """One that detects people, and one that segments a person."""
 ALIGNMENT = slice(33, 35)
-"""Of the points of `BODY`, the middle of the hips and a point on the circle around the whole body."""
+"""Points of `BODY`: the middle of the hips and a point on the circle around the whole body."""
 OVERLAP = 0.3
 """Intersection over union from which on two detections are one, as MediaPipe merges them."""
 

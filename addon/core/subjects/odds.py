@@ -129,7 +129,7 @@ def recognised(
         picture: (h, w, 3) uint8 RGB.
         there: (h, w) where the subject is expected; not empty.
         last: As of `body`.
-        looks: Whether a person is looked for.
+        looks: True to look for a person.
 
     Returns:
         (h, w) log-odds, and the area of a person for the next frame.

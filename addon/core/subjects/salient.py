@@ -31,7 +31,7 @@ OWN, NEAR = 0.25, 0.12
 """Share of a found part that flow must have carried there, and distance from it, over the crop's side, that a
 part may reach."""
 AGREES, SURE = 0.5, 0.7
-"""Intersection over union of what is found with what flow carries, from which on the network is right, and
+"""Intersection over union of the found mask with the carried one, from which on the network is right, and
 from which on the next key frame is `EVERY` frames away."""
 SEAM = 0.024
 """Width of an outline over the root of the subject's area: thicker errors of a key frame are repaired."""
@@ -78,7 +78,7 @@ class Look:
         return None if self._is_person(marked, best) else _only(best, found)
 
     def _is_person(self, marked: Mask, found: Mask) -> bool:
-        """Whether a stroke (h, w) is on a person who is not only a part of what was found (h, w)."""
+        """Whether a stroke (h, w) is on a person, and the found mask (h, w) is not a larger object."""
         picture = self.pictures.picture(self.frame)
         shares = bodies(self.networks, picture) if self.networks.exist else []
         there = [body > 0.5 for body in shares]

@@ -31,7 +31,7 @@ KNOWN = (
     " check that their terms allow your use"
 )
 _trial = ""
-"""What is wrong with the chosen segmenter."""
+"""The reason why the chosen segmenter cannot be used."""
 
 
 def _segmenter_chosen(chosen: bpy.types.AddonPreferences, _context: bpy.types.Context) -> None:
