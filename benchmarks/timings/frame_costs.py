@@ -43,7 +43,7 @@ from addon.render.views import gpu_views
 from addon.render.views.quiet import quiet
 from addon.scene.build import build
 from addon.scene.focus.focus_marks import set_focus
-from addon.scene.sources.shot import Shot, shot_of
+from addon.scene.sources.shot import Filmed, Shot, shot_of
 
 from .. import store
 from ..accuracy.cases import GroundTruth
@@ -58,7 +58,7 @@ DISC = 0.05
 REST = "Blender, writing, reading back"
 STAGES: tuple[tuple[object, str, str], ...] = (
     (engine, "render_frame", "rest of the frame"),
-    (Shot, "read", "read"),
+    (Filmed, "read", "read"),
     (ClipContext, "picture", "read, highlights"),
     (frame_path, "frame_geometry", "read"),
     (ClipContext, "depth", "depth, kept, for every pixel"),
