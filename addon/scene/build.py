@@ -20,7 +20,7 @@ from ..core.media.video_frame import BlenderView
 from ..core.sfm.workspace import default_work_dir
 from . import parts
 from .base.paths import relative
-from .base.preferences import preferences
+from .base.preferences import preferred_segmenter
 from .base.timeline import check_frames
 from .edited_camera import OFFSET
 from .focus import focus_marks
@@ -81,8 +81,7 @@ def build(
     settings.clip_pixel_aspect = footage.pixel_aspect
     settings.clip_step = math.gcd(*(frame - footage.frames[0] for frame in footage.frames)) or 1
     settings.clip_notes = "\n".join([*footage.notes, *_background_notes(settings, footage)])
-    if not settings.segmenter and (chosen := preferences()) is not None:
-        settings.segmenter = chosen.segmenter
+    settings.segmenter = settings.segmenter or preferred_segmenter()
     depth_of_field.forget_scale(settings)
     focus_marks.clear(settings)
     if is_other:

@@ -63,8 +63,8 @@ class Look:
         It is None where there is none, and for a person.
         """
         shape, long_side = marked.shape, max(marked.shape)
-        rows, columns = np.nonzero(marked)
-        middle, extent = (rows.mean(), columns.mean()), float(np.ptp(np.argwhere(marked), axis=0).max())
+        places = np.argwhere(marked)
+        middle, extent = places.mean(axis=0), float(np.ptp(places, axis=0).max())
         sides = [side * long_side for side in CLICKED if side * long_side > extent]
         boxes = [Box.square(middle, side, shape) for side in sides]
         parts = [touching(self._seen(box) > 0.5, marked) for box in boxes]

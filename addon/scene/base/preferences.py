@@ -34,6 +34,15 @@ def preferred_work_dir(clip: Path, beside: Path) -> Path:
     return Path(bpy.path.abspath(chosen.cache_folder)) / f"{default.stem}-{digest}{default.suffix}"
 
 
+def preferred_segmenter() -> str:
+    """Return the absolute path of the preferred segmenter, empty if none is named.
+
+    Blender stores a path beside the open .blend as relative to it; the preferences count for all of them.
+    """
+    chosen = preferences()
+    return bpy.path.abspath(chosen.segmenter) if chosen is not None and chosen.segmenter else ""
+
+
 def apply() -> None:
     """Apply the preferences to the core; without them the environment counts."""
     chosen = preferences()

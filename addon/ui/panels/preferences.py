@@ -34,20 +34,21 @@ _trial = ""
 """The reason why the chosen segmenter cannot be used."""
 
 
-def _segmenter_chosen(chosen: bpy.types.AddonPreferences, _context: bpy.types.Context) -> None:
+def _segmenter_chosen(_preferences: bpy.types.AddonPreferences, _context: bpy.types.Context) -> None:
     """Try the segmenter on a test picture, and have the scenes use it that have none."""
     global _trial
     _trial = ""
-    if not chosen.segmenter:
+    segmenter = preferences.preferred_segmenter()
+    if not segmenter:
         return
     try:
-        Segmenter(Path(bpy.path.abspath(chosen.segmenter))).check()
+        Segmenter(Path(segmenter)).check()
     except UserError as error:
         _trial = str(error)
         return
     for scene in bpy.data.scenes:
         settings = scene.virtual_aperture
-        settings.segmenter = settings.segmenter or chosen.segmenter
+        settings.segmenter = settings.segmenter or segmenter
 
 
 class VIRTUAL_APERTURE_preferences(bpy.types.AddonPreferences):  # noqa: N801
