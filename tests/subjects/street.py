@@ -41,9 +41,7 @@ class Street:
         )
 
     def canvas(self, frame: int) -> SimpleNamespace:
-        return SimpleNamespace(
-            pinhole=CAMERA, camera=CAMERA, features_from_source=lambda xy: (xy, np.ones(len(xy), bool))
-        )
+        return SimpleNamespace(pinhole=CAMERA, camera=CAMERA, features_from_source=lambda xy: xy)
 
     def on_canvas(self, image: Image, mask: Mask) -> Mask:
         return mask

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import cv2
 import numpy as np
 
-from ..base.arrays import Map, Mask
+from ..base.arrays import Floats, Map, Mask
 from ..base.errors import UserError
 from ..base.lru_cache import remembered
 from ..base.store import NOT_KEPT, Store
@@ -24,7 +24,7 @@ from ..media.fixed_area import Fixed, nothing_fixed
 from ..media.picture_file import Pixels
 from ..subjects.clip_subjects import ClipSubject, ClipSubjects, united
 from ..subjects.masked_objects import MaskedObjects
-from ..subjects.people import sampled
+from ..subjects.people import feet_of, sampled
 from ..subjects.pictures import displayed
 from ..subjects.standing import Standing, SubjectDistance
 from ..subjects.static_depth import StaticDepth
@@ -123,10 +123,16 @@ class MovingParts:
         pictures = self.subjects.pictures
         if self.reconstruction.stays:
             return SubjectDistance(pictures, mask, partial(self.inverse_depths, mask), store=store, name=name)
-        ground = Standing(self.static, self._known)
+        networks = self.subjects.networks
+
+        def feet(frame: int, subject: Mask) -> Floats | None:
+            return feet_of(networks, pictures.picture(frame), subject)
+
+        ground = Standing(self.static, self._known, feet)
         return SubjectDistance(
-            pictures, mask, partial(ground.inverse_depths, mask), partial(ground.bounds, mask), store, name
-        )
+            pictures, mask, partial(ground.inverse_depths, mask), partial(ground.bounds, mask), feet, store,
+            name,
+        )  # fmt: skip
 
     @cached_property
     def _masked(self) -> list[Subject]:

@@ -89,6 +89,11 @@ class Region:
         radius = float(np.linalg.norm(rim - hips))
         return cls(hips, 2.5 * radius, (rim - hips) / max(radius, 1e-9))
 
+    @property
+    def feet(self) -> Floats:
+        """(2,) pixels where the body stands, also outside of the picture."""
+        return self.centre - self.up * self.side / 2.5
+
     def to_square(self, side: int) -> Floats:
         """Return the affine map (2, 3) from pixels of the picture to pixels of a square of `side` pixels."""
         right = np.array([-self.up[1], self.up[0]])

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.arrays import Bytes, Floats, Map, Mask
 from .networks import Networks, Region
-from .odds import CROP, PERSON, PRESENCE, Box, overlap, silhouette
+from .odds import BODY_OVERLAP, CROP, PERSON, PRESENCE, Box, body, overlap, silhouette
 
 AGREEMENT = 0.6
 """Intersection over union of two independent networks, one that segments a detected person and one that
@@ -110,3 +110,23 @@ def face_of(networks: Networks, picture: Bytes, person: Mask) -> Floats | None:
         if 0 <= x < width and 0 <= y < bottom and mask[int(y), int(x)]:
             return np.asarray(box / [width, height, width, height])
     return None
+
+
+def feet_of(networks: Networks, picture: Bytes, person: Mask) -> Floats | None:
+    """Estimate where a person stands whom the lower border cuts off, by the proportions of a body.
+
+    With six clips cut at the waist, the feet are at 0.91 to 1.02 of the height (medians; standard deviation
+    within a clip 0.03 to 0.11).
+
+    Args:
+        networks: The networks.
+        picture: (h, w, 3) uint8 RGB, display-encoded.
+        person: (h, w) mask of the person.
+
+    Returns:
+        (2,) shares of the picture, (0, 0) top left; None of others than people.
+    """
+    if not person.any():
+        return None
+    _, region = body(networks, picture, Box.around(person, CROP), person, BODY_OVERLAP)
+    return None if region is None else region.feet / person.shape[::-1]

@@ -12,7 +12,17 @@ import numpy as np
 from ..base.arrays import Floats, Map, Mask
 from ..base.progress import checkpoint
 from ..base.store import NOT_KEPT, Store, numbers
-from ..depth.ground_contact import HIDDEN, NEARER, Plane, beside, contact, ground_below, upright
+from ..depth.ground_contact import (
+    BORDER,
+    HIDDEN,
+    NEARER,
+    Contact,
+    Plane,
+    beside,
+    contact,
+    ground_below,
+    upright,
+)  # fmt: skip
 from ..depth.view_selection import relative_pose
 from .cut import LEAST
 from .flow import change_of_size
@@ -47,6 +57,10 @@ HEIGHTS, SURE_DRIFT = 60, 8
 """Frames by whose outlines the drift of sizes is estimated, at most and at least."""
 
 
+def nowhere(frame: int, subject: Mask) -> None:
+    """Return no feet, as of others than people."""
+
+
 @dataclass(frozen=True)
 class Standing:
     """The depth of subjects by their contact with the ground, or by feature points on them.
@@ -58,13 +72,15 @@ class Standing:
     static: StaticDepth
     moving: Callable[[int], Mask]
     """All moving pixels (h, w) of a source frame, at any size."""
+    feet: Callable[[int, Mask], Floats | None] = nowhere
+    """Returns where a person (h, w) that the lower border cuts off stands, (2,) in shares of the picture."""
 
     def inverse_depths(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """Estimate the median inverse depth of a subject.
 
         1. A subject that stands still has feature points, which count unless they are off the ground.
-        2. Another one stands upright where it touches the ground; a frame in which the ground around it is
-           not a plane takes the plane of the nearest frame.
+        2. Another one stands upright where it touches the ground, below the picture too if it is a person; a
+           frame in which the ground around it is not a plane takes the plane of the nearest frame.
         3. Without a plane in any frame, the subject is as far as the static scene beneath its feet.
 
         Frames that place it behind the background that it hides are left out, unless all frames do.
@@ -80,14 +96,16 @@ class Standing:
         masks = {frame: self._shown(subject, frame) for frame in frames}
         masks = {frame: mask for frame, mask in masks.items() if mask.any()}
         static = {frame: self.static.inverse_depth(frame, self._left_out) for frame in masks}
-        found = self._by_ground(masks, static)
+        found = self._by_ground(subject, masks, static)
         if points and not _is_off(points, found or {}):
             return points
         if found is None:
             beneath = {frame: self._beneath(frame, mask, static[frame]) for frame, mask in masks.items()}
             found = {frame: inverse for frame, inverse in beneath.items() if inverse is not None}
         hidden = {frame: float(np.median(static[frame][masks[frame]])) for frame in found}
-        return {frame: inverse for frame, inverse in found.items() if inverse >= hidden[frame]} or found
+        nearer = {frame: inverse for frame, inverse in found.items() if inverse >= hidden[frame]}
+        whole = {frame: inverse for frame, inverse in found.items() if not _is_cut_off(masks[frame])}
+        return nearer or whole
 
     def bounds(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """Bound the inverse depth of a subject without contact, such as one that the lower border cuts off.
@@ -124,7 +142,9 @@ class Standing:
         few = np.count_nonzero(inside) < LEAST_POINTS
         return 0.0 if few else float(np.quantile(1 / there[inside, 2], HIDDEN))
 
-    def _by_ground(self, masks: Mapping[int, Mask], static: Mapping[int, Map]) -> dict[int, float] | None:
+    def _by_ground(
+        self, subject: Callable[[int], Mask], masks: Mapping[int, Mask], static: Mapping[int, Map]
+    ) -> dict[int, float] | None:
         """The median inverse depth of a subject by the ground that it stands on; None without a plane."""
         planes = dict[int, Plane]()
         for frame, mask in masks.items():
@@ -142,11 +162,23 @@ class Standing:
             plane = planes.get(frame) or planes[nearest].seen_from(*relative_pose(there, here))
             pinhole = self.static.canvas(frame).pinhole
             touch = None if plane is None else contact(mask, plane, pinhole)
+            if plane is not None and touch is None and _is_cut_off(mask):
+                touch = self._below(frame, subject(frame), plane)
             if plane is not None and touch is not None and (base := touch.inverse_depth(0.0, plane)) > 0:
                 rows, columns = np.nonzero(mask)
                 rays = pinhole.rays(np.column_stack([columns, rows]).astype(float) + 0.5)
                 found[frame] = float(np.median(upright(base, touch.column, 0.0, plane, rays)))
         return found
+
+    def _below(self, frame: int, subject: Mask, plane: Plane) -> Contact | None:
+        """The contact of a subject (h, w) with the ground below the picture; None of others than people."""
+        feet, canvas = self.feet(frame, subject), self.static.canvas(frame)
+        if feet is None:
+            return None
+        source = feet * (canvas.camera.width, canvas.camera.height)
+        ray = canvas.pinhole.rays(canvas.features_from_source(source[None]))[0]
+        inverse = float(plane.inverse_depth(ray))
+        return Contact(ray / inverse, float(ray[0]), 0.0) if inverse > 0 else None
 
     def _by_points(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """The median inverse depth of the feature points on a subject that stands still; else nothing."""
@@ -193,6 +225,11 @@ class Standing:
         return np.asarray(cv2.dilate(mask, np.ones((GROWN, GROWN), np.uint8)) > 0)
 
 
+def _is_cut_off(mask: Mask) -> bool:
+    """Whether the picture's lower border cuts a subject (h, w) off."""
+    return bool(mask[-BORDER:].any())
+
+
 def _is_off(points: Mapping[int, float], ground: Mapping[int, float]) -> bool:
     """Whether inverse depths of a subject's points, by frame, contradict its contact with the ground."""
     heights = [1 - ground[frame] / points[frame] for frame in points.keys() & ground.keys()]
@@ -219,6 +256,8 @@ class SubjectDistance:
     """Its inverse depth in 1 / scene units by its contact with the ground, for those frames that show it."""
     bounds: Callable[[Sequence[int]], Mapping[int, float]] = lambda frames: {}
     """Its least inverse depth by frame, for a subject that no frame shows to stand anywhere."""
+    feet: Callable[[int, Mask], Floats | None] = nowhere
+    """As of `Standing`."""
     store: Store = NOT_KEPT
     """Storage of its sizes."""
     name: str = ""
@@ -241,6 +280,9 @@ class SubjectDistance:
             checkpoint()
             mask, scale = self.mask(frame), None
             heights.append(_height(mask))
+            if number % max(len(frames) // HEIGHTS, 1) == 0 and _is_cut_off(mask) and not mask[0].any():
+                feet = self.feet(frame, mask)
+                heights[-1] = np.nan if feet is None else feet[1] * len(mask) - mask.any(axis=1).argmax()
             if np.count_nonzero(mask) >= LEAST and number + 1 < len(frames):
                 scale = change_of_size(flow.step(frame, 1), flow.there(frame, 1)[1], mask)
             changes.append(np.log(scale) if scale else 0.0)
