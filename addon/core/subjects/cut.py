@@ -47,22 +47,17 @@ LEAP, FARTHER = 0.06, 1.5
 ITERATIONS, SETTLED = 6, 0.98
 """Most times that a subject under strokes is cut out again, and intersection over union of two results in a
 row from which on it is done."""
-ISLAND = 0.02
-"""Share of a subject's largest part, with less of which a part is dropped."""
 LEARNED = 0.05
 """Share of the colours that is learned from each frame."""
 LOST = 0.15
 """Share of the area that a subject had, with less of which it is hidden or has left the picture: the rest
 would be carried as if it were the whole."""
-WHOLE = 0.8
-"""Share of this area from which a subject counts as whole."""
 LIKE = 0.5
-"""Least mean log-odds of the colours in the visible part of an occluded subject; 0 is undecided."""
+"""Least mean log-odds of the colours of a subject's part that comes into view; 0 is undecided."""
 CLICK = 0.1
 """Extent of a stroke, over the long side, below which it shows nothing of the subject's size."""
-BOXES = (0.4, 0.2, 1.0)
-"""Sides, over the long side, of the squares around such a stroke in which the networks look for its subject;
-the first in which they recognise it counts. `benchmarks/accuracy/drawn_masks.py` measures clicks."""
+AROUND_CLICK = 0.4
+"""Side, over the long side, of the square around such a stroke in which the networks look for its subject."""
 CARRIER = 0.4
 """Share of the pixels that move as a figure of the networks, with less of which the figure is only a part of
 the subject: a rider without the scooter has 0.17 to 0.37, people and animals of ten other clips 0.47 to
@@ -217,20 +212,15 @@ def next_cut(
     share = _solved(
         picture, carried, seen, trust, neighbours[:1], np.zeros_like(carried), weight, LEAP, before.colours
     )
-    share = _without_islands(share, there)
+    share = np.where(touching(share > 0.5, there), share, np.minimum(share, np.float32(0.3)))
     found = Cut.known(picture, share, trust) if (share > 0.5).any() else before.gone()
     nearer = change_of_size(neighbours[0].flow, neighbours[0].agrees, there) or 1.0
     area = before.area / nearer**2
     if not found.is_seen or found.area < LOST * area:
         return before.gone()
-    found = replace(found, sure=overlap(share > 0.5, there), region=region, alone=alone)
-    if found.area < WHOLE * area:
-        if before.colours.odds(picture, COLOUR[0])[found.mask].mean() < LIKE:
-            # Flow sticks to the rim of an occluder.
-            return before.gone()
-        return replace(found, colours=before.colours, area=area)
     return replace(
-        found, colours=before.colours.mixed(found.colours, LEARNED),
+        found, sure=overlap(share > 0.5, there), region=region, alone=alone,
+        colours=before.colours.mixed(found.colours, LEARNED),
         area=(1 - TRUST_LEARNED) * area + TRUST_LEARNED * found.area,
     )  # fmt: skip
 
@@ -242,7 +232,7 @@ def _with_uncovered(picture: Bytes, colours: Colours, carried: Map, neighbours: 
     alike = ((moved > INLIER) & (colours.odds(picture, COLOUR[0]) > LIKE)).astype(np.uint8)
     whole = cv2.morphologyEx(alike, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
     found = touching(whole, distance(there) < APART_ALIKE * max(there.shape))
-    return _without_islands(np.where(found, np.float32(UNCOVERED), carried), there | found)
+    return np.where(found, np.float32(UNCOVERED), carried)
 
 
 def _solved(
@@ -271,15 +261,10 @@ def _recognised_first(networks: Networks, picture: Bytes, expected: Mask, marked
     """Log-odds (h, w) of the networks around a mask, and their certainty in [0, 1] under a stroke (h, w)."""
     box, long_side = Box.around(expected, 1.5), max(expected.shape)
     extent = Box.around(expected)
-    boxes = [box]
     if max(extent.right - extent.left, extent.bottom - extent.top) < CLICK * long_side:
-        middle = np.argwhere(expected).mean(axis=0)
-        boxes = [Box.square(middle, side * long_side, expected.shape) for side in BOXES]
-    for box in boxes:
-        seen, settled = _recognised_from(networks, picture, expected, box)
-        if (trust := _within(float((seen > 0)[marked].mean())) * settled) > 0.5:
-            break
-    return seen, trust
+        box = Box.square(np.argwhere(expected).mean(axis=0), AROUND_CLICK * long_side, expected.shape)
+    seen, settled = _recognised_from(networks, picture, expected, box)
+    return seen, _within(float((seen > 0)[marked].mean())) * settled
 
 
 def _recognised_from(networks: Networks, picture: Bytes, expected: Mask, box: Box) -> tuple[Map, float]:
@@ -337,12 +322,3 @@ def _grabbed(picture: Bytes, adds: Mask, takes: Mask) -> Mask:
     bgr = np.ascontiguousarray(picture[..., ::-1])
     cv2.grabCut(bgr, trimap, None, *models, 5, cv2.GC_INIT_WITH_MASK)  # type: ignore[call-overload]
     return touching((trimap == cv2.GC_FGD) | (trimap == cv2.GC_PR_FGD), adds)
-
-
-def _without_islands(share: Map, there: Mask) -> Map:
-    """A probability (h, w) whose parts are where the subject is expected (h, w) and not too small."""
-    number, labels, stats, _ = cv2.connectedComponentsWithStats((share > 0.5).astype(np.uint8))
-    area = stats[:, cv2.CC_STAT_AREA] * (np.bincount(labels[there], minlength=number) > 0)
-    area[0] = 0
-    kept = area >= np.maximum(ISLAND * area.max(), 1)
-    return np.where(kept[labels], share, np.minimum(share, np.float32(0.3))).astype(np.float32)

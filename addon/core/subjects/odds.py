@@ -135,6 +135,9 @@ def recognised(
         (h, w) log-odds, and the area of a person for the next frame.
     """
     box = Box.around(there, CROP)
+    person, around = body(networks, picture, box, there, BODY_OVERLAP, last) if looks else (None, None)
+    if person is not None:
+        return person, around
     found = silhouette(networks, picture, box)
     missed = (there & (found < 0)).astype(np.uint8)
     number, labels, stats, _ = cv2.connectedComponentsWithStats(missed)
@@ -144,8 +147,7 @@ def recognised(
             again = silhouette(networks, picture, Box.around(part, 1.8))
             near = cv2.dilate(part.astype(np.uint8), np.ones((15, 15), np.uint8)) > 0
             found = np.where(near, np.maximum(found, again), found)
-    person, around = body(networks, picture, box, there, BODY_OVERLAP, last) if looks else (None, None)
-    return (found if person is None else np.asarray((found + 2 * person) / 2, np.float32)), around
+    return found, None
 
 
 FAR = 4.0

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arrays import Bytes, Map, Mask
 from ..base.lru_cache import remembered
 from ..base.progress import checkpoint
-from .cut import COLOUR, LEAST, LIKE, WHOLE, Cut
+from .cut import COLOUR, LEAST, LIKE, Cut
 from .flow import warped
 from .networks import Networks
 from .odds import Box, Colours, distance, overlap
@@ -35,6 +35,8 @@ AGREES, SURE = 0.5, 0.7
 from which on the next key frame is `EVERY` frames away."""
 SEAM = 0.024
 """Width of an outline over the root of the subject's area: thicker errors of a key frame are repaired."""
+WHOLE = 0.8
+"""Share of the area that a subject had, from which it counts as whole."""
 PERSON = 0.5
 """Share of a stroke on a detected body, and intersection over union of the object with it, from which on it
 is a person, whom the other networks follow at a fifth of the cost: dancer 0.84 / 0.75 (mean / least) by them,
