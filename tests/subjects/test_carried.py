@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import cv2
@@ -12,8 +12,9 @@ import pytest
 
 from addon.core.base.store import Store
 from addon.core.frame.clip_context import no_picture
-from addon.core.subjects.carried import CarriedSubject, PeopleOfClip
+from addon.core.subjects.carried import CarriedSubject
 from addon.core.subjects.flow import change_of_size
+from addon.core.subjects.found_subjects import distinct, found_people
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.odds import Box, motion, overlap
 from addon.core.subjects.people import people
@@ -249,9 +250,8 @@ def test_people_are_found_and_followed_and_nobody_in_a_texture() -> None:
         return np.where(np.roll(mask, shift, axis=1)[..., None], np.roll(drawn, shift, axis=1), ground)
 
     clip = ClipPictures(tuple(range(1, 8)), walking)
-    assert not PeopleOfClip(ClipPictures((1, 2), lambda frame: texture(1, (120, 120, 120))), networks).tracks
+    assert not found_people(ClipPictures((1, 2), lambda frame: texture(1, (120, 120, 120))), networks)
     assert people(networks, small(walking(4)))
-    found = PeopleOfClip(clip, networks)
-    assert len(found.tracks) == 1
+    (found,) = distinct(found_people(clip, networks), partial(CarriedSubject, clip, networks))
     middles = [np.argwhere(found.mask(frame)).mean(axis=0)[1] for frame in (1, 7)]
     assert middles[1] - middles[0] == pytest.approx(72 * 512 / 640, abs=6)

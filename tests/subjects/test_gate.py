@@ -16,7 +16,8 @@ from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.frame.clip_context import no_picture
 from addon.core.subjects import gate
-from addon.core.subjects.clip_subjects import OBJECTS, ClipSubjects, ObjectsOfClip
+from addon.core.subjects.clip_subjects import OBJECTS, ClipSubjects
+from addon.core.subjects.found_subjects import distinct, found_objects
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 
@@ -136,8 +137,8 @@ class Half:
 def test_groups_on_an_object_in_other_frames_are_the_same_object() -> None:
     def strokes(*tracks: gate.MovingTracks, people: bool = False) -> list[Counter[int]]:
         everywhere = np.full((HEIGHT, WIDTH), people)
-        objects = ObjectsOfClip(tracks, Half, lambda frame: everywhere)  # type: ignore[arg-type]
-        return [Counter(each.frame for each in own.strokes) for own in objects.subjects()]
+        objects = distinct(found_objects(tracks, lambda frame: everywhere), Half)  # type: ignore[arg-type]
+        return [Counter(each.frame for each in own.strokes) for own in objects]
 
     seen = sampled(2, 12, 0), sampled(4, 10, 0), sampled(6, 6, 4), sampled(8, 0, 10)
     assert strokes(*seen) == [{2: 12}]

@@ -10,8 +10,8 @@ from ..base.arrays import Mask
 from ..base.progress import part
 from ..depth.source import FAINTEST
 from ..focus.place import Place, PlaceFinder
-from ..subjects.carried import SAME_PERSON
 from ..subjects.cut import LEAST
+from ..subjects.found_subjects import SAME
 from ..subjects.people import overlap_of
 from ..subjects.strokes import MarkedSubject, Stroke
 from .clip_context import ClipContext
@@ -76,7 +76,7 @@ def _new_subject(
         return None
     seen(mask)
     for known in clip.parts.every_subject:
-        if overlap_of(mask, known.mask(frame)) >= SAME_PERSON:
+        if overlap_of(mask, known.mask(frame)) >= SAME:
             # The click was beside its outline.
             return replace(clip.subject_place(known.name, frame), xy=(x, y))
     marked = marking(new)

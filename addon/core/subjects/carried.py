@@ -13,21 +13,16 @@ import numpy as np
 from ..base.arrays import Mask
 from ..base.lru_cache import remembered
 from ..base.progress import checkpoint
-from .cut import Cut, carries, first_cut, moved_with, neighbours, next_cut
+from .cut import Cut, first_cut, neighbours, next_cut
 from .flow import warped
 from .networks import Networks
 from .odds import overlap
-from .people import SEEN_IN, Person, overlap_of, people, sampled
 from .pictures import ClipPictures
 from .salient import Look, SalientTrack
 from .strokes import Stroke
 
 STROKE = 0.01
 """Width of a stroke, over the long side."""
-MOST_PEOPLE = 4
-"""People that are followed; each costs 0.1 to 0.2 s of processor time a frame."""
-SAME_PERSON = 0.5
-"""Share of a person that a subject covers, from which on they are one."""
 UNSURE = 0.75
 """Intersection over union with the place where flow carries a subject, below which a frame is unsure."""
 
@@ -172,59 +167,3 @@ class CarriedSubject:
             line = np.rint(at * 16).astype(np.int32)[:, None]
             cv2.polylines(rasters[0 if stroke.adds else 1], [line], False, 1, thick, shift=4)
         return rasters[0] > 0, (rasters[1] > 0) & ~(rasters[0] > 0)
-
-
-@dataclass(frozen=True)
-class PeopleOfClip:
-    """The people that are subjects of a clip, each followed through all frames.
-
-    People are looked for in a few frames. Each new one is followed from the frame in which the networks agree
-    most.
-    """
-
-    pictures: ClipPictures
-    networks: Networks
-
-    @cached_property
-    def tracks(self) -> list[Track]:
-        """Each person; none where fewer than `SEEN_IN` sampled frames show one. Errors as of `picture`."""
-        if not self.networks.exist:
-            return []
-        looked = {
-            frame: people(self.networks, self.pictures.picture(frame))
-            for frame in sampled(self.pictures.frames)
-        }
-        if sum(bool(found) for found in looked.values()) < min(SEEN_IN, len(looked)):
-            return []
-        waiting = sorted(
-            ((frame, person) for frame, found in looked.items() for person in found),
-            key=lambda each: -each[1].agreement,
-        )
-        found = list[Track]()
-        while waiting and len(found) < MOST_PEOPLE:
-            found.append(Track(self.pictures, self.networks, waiting[0][0], self._first(*waiting[0])))
-            # People that are followed already are left out.
-            waiting = [
-                (frame, person)
-                for frame, person in waiting[1:]
-                if overlap_of(person.mask, found[-1].cut(frame).mask) < SAME_PERSON
-            ]
-        return found
-
-    def _first(self, frame: int, person: Person) -> Cut:
-        """The cut of a person in the frame with the best agreement."""
-        picture, beside = self.pictures.picture(frame), neighbours(self.pictures, frame)
-        share, trust = person.share, 1.0
-        if carries(moved_with(person.mask, beside), person.mask):
-            strokes = person.mask, np.zeros_like(person.mask)
-            whole = first_cut(self.networks, picture, strokes, beside)
-            share, trust = whole.share, whole.trust
-        # In steps of 1 / 255, as in the kept file: found and kept people are equal to the bit.
-        share = np.rint(255 * share).astype(np.float32) / np.float32(255)
-        return Cut.known(picture, share, trust)
-
-    def mask(self, frame: int) -> Mask:
-        """Return all of them (h, w) in a frame; errors as of `ClipPictures.picture`."""
-        shape = self.pictures.picture(frame).shape[:2]
-        masks = [each.cut(frame).mask for each in self.tracks]
-        return np.asarray(np.logical_or.reduce([np.zeros(shape, bool), *masks]))

@@ -10,28 +10,25 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from ..base.arrays import Bytes, Floats, Mask
+from ..base.arrays import Bytes, Mask
 from ..base.lru_cache import LRUCache
 from ..base.store import NOT_KEPT, Arrays, Entry, Store
 from ..camera.reconstruction import Reconstruction
 from ..media.fixed_area import Fixed, nothing_fixed
 from ..media.picture_file import Pixels
-from .carried import SAME_PERSON, CarriedSubject, PeopleOfClip, Track
+from .carried import CarriedSubject
 from .cut import Cut, neighbours
-from .gate import MovingTracks, moves, moving_tracks
+from .found_subjects import SAME, Candidate, distinct, found_objects, found_people
+from .gate import moving_tracks
 from .networks import Networks
 from .people import face_of, overlap_of, sampled
 from .pictures import ClipPictures, displayed
 from .strokes import MarkedSubject, Stroke
 
-PEOPLE = "moving-people"
-"""Name of the kept file of the frames in which people are known, and their probability there."""
-OBJECTS = "moving-objects"
-"""Name of the kept file of the strokes that mark other moving objects."""
+PEOPLE, OBJECTS = "moving-people", "moving-objects"
+"""Names of the kept files of the dots that mark people and other moving objects."""
 KEPT_SUBJECTS = 12
 """Marked subjects that are remembered: a clip's, and those before the last strokes."""
-MOST_OBJECTS = 4
-"""Objects that are followed, each at the cost of a person."""
 
 
 @dataclass(frozen=True)
@@ -118,42 +115,7 @@ class ClipSubjects:
         """
         if not self.reconstruction.is_ordered or not self.networks.exist:
             return []
-
-        def find() -> list[Track]:
-            tracks = PeopleOfClip(self.pictures, self.networks).tracks
-            self._keep_shares("person", tracks)
-            return tracks
-
-        entry = Entry(PEOPLE, ("frames", "trusts", "shares"), _encoded_people, self._tracks)
-        people = self.store.once(entry, find)
-        return self._called("person", people)
-
-    def _called(self, kind: str, carried: Sequence[Track | CarriedSubject]) -> list[ClipSubject]:
-        return [
-            ClipSubject(f"{kind} {number}", f"{kind}{number}", each.cut, self.store, kind)
-            for number, each in enumerate(carried, 1)
-        ]
-
-    def _keep_shares(self, kind: str, carried: Sequence[Track | CarriedSubject]) -> None:
-        """Keep the probability of subjects in all frames, as each process would carry them anew."""
-        if self.store is not NOT_KEPT:
-            for subject in self._called(kind, carried):
-                for frame in self.pictures.frames:
-                    subject.share(frame)
-
-    def _tracks(self, kept: Arrays) -> list[Track] | None:
-        """The people of the clip as they are kept, not yet carried; None where they are damaged."""
-        tracks, shares = [], kept["shares"]
-        for number, frame in enumerate(map(int, kept["frames"])):
-            picture = self.pictures.picture(frame)
-            rows = len(picture)
-            share = shares[number * rows : (number + 1) * rows]
-            if share.shape != picture.shape[:2]:
-                return None
-            share = np.asarray(share, np.float32) / np.float32(255)
-            first = Cut.known(picture, np.asarray(share, np.float32), float(kept["trusts"][number]))
-            tracks.append(Track(self.pictures, self.networks, frame, first))
-        return tracks
+        return self._found("person", PEOPLE, lambda: found_people(self.pictures, self.networks))
 
     @cached_property
     def objects(self) -> list[ClipSubject]:
@@ -162,18 +124,36 @@ class ClipSubjects:
         There are none in photos and in clips without certain motion.
         """
 
-        def find() -> list[CarriedSubject]:
+        def find() -> list[Candidate]:
             tracks = list(moving_tracks(self.reconstruction, self.read, self.fixed()))
-            found = ObjectsOfClip(tracks, self._by_strokes, self._people_in).subjects()
-            self._keep_shares("object", found)
-            return found
+            return found_objects(tracks, self._people_in)
 
-        entry = Entry(OBJECTS, ("frames", "counts", "places"), _encoded_objects, self._objects)
-        objects = self.store.once(entry, find)
-        return self._called("object", objects)
+        return self._found("object", OBJECTS, find)
 
-    def _objects(self, kept: Arrays) -> list[CarriedSubject] | None:
-        """The moving objects as they are kept, not yet carried; None where they are damaged."""
+    def _found(self, kind: str, name: str, find: Callable[[], list[Candidate]]) -> list[ClipSubject]:
+        """Subjects of a kind, kept under a name as the dots that mark them."""
+
+        def subjects() -> list[CarriedSubject]:
+            followed = distinct(find(), self._by_strokes)
+            if self.store is not NOT_KEPT:
+                # Kept in all frames, as each process would carry them anew.
+                for subject in self._called(kind, followed):
+                    for frame in self.pictures.frames:
+                        subject.share(frame)
+            return followed
+
+        entry = Entry(name, ("frames", "counts", "places"), _encoded, self._decoded)
+        kept = self.store.once(entry, subjects)
+        return self._called(kind, kept)
+
+    def _called(self, kind: str, carried: Sequence[CarriedSubject]) -> list[ClipSubject]:
+        return [
+            ClipSubject(f"{kind} {number}", f"{kind}{number}", each.cut, self.store, kind)
+            for number, each in enumerate(carried, 1)
+        ]
+
+    def _decoded(self, kept: Arrays) -> list[CarriedSubject] | None:
+        """Subjects as they are kept, not yet carried; None where they are damaged."""
         if kept["places"].shape != (len(kept["frames"]), 2):
             return None
         rows = zip(kept["frames"].tolist(), kept["places"].tolist(), strict=True)
@@ -193,24 +173,14 @@ class ClipSubjects:
     def _is_same(self, found: ClipSubject, marked: ClipSubject) -> bool:
         frames = sampled(self.pictures.frames)
         shown = [(mask, marked.mask(frame)) for frame in frames if (mask := found.mask(frame)).any()]
-        return bool(shown) and float(np.median([overlap_of(*pair) for pair in shown])) >= SAME_PERSON
+        return bool(shown) and float(np.median([overlap_of(*pair) for pair in shown])) >= SAME
 
 
-def _encoded_people(tracks: list[Track]) -> Arrays:
-    # There is no PNG without pixels.
-    shares = [np.rint(255 * track.first.share).astype(np.uint8) for track in tracks]
-    return {
-        "frames": np.array([track.start for track in tracks], int),
-        "trusts": np.array([track.first.trust for track in tracks], float),
-        "shares": np.vstack(shares or [np.zeros((1, 1), np.uint8)]),
-    }
-
-
-def _encoded_objects(objects: list[CarriedSubject]) -> Arrays:
-    dots = [dot for each in objects for dot in each.strokes]
+def _encoded(subjects: list[CarriedSubject]) -> Arrays:
+    dots = [dot for each in subjects for dot in each.strokes]
     return {
         "frames": np.array([dot.frame for dot in dots], int),
-        "counts": np.array([len(each.strokes) for each in objects], int),
+        "counts": np.array([len(each.strokes) for each in subjects], int),
         "places": np.array([dot.places[0] for dot in dots], float).reshape(-1, 2),
     }
 
@@ -223,44 +193,3 @@ def united(masks: Sequence[Mask]) -> Mask:
     size = largest.shape[::-1]
     larger = (cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0 for mask in masks)
     return np.asarray(np.logical_or.reduce(list(larger)))
-
-
-@dataclass(frozen=True)
-class ObjectsOfClip:
-    """The moving objects of a clip.
-
-    Each is a group of neighbouring tracks that contradict a still scene, carried like a subject that the user
-    marks from the frame in which the group is largest. Groups that are on it in other frames are the same
-    object. Errors as of `ClipPictures.picture`.
-    """
-
-    tracks: Sequence[MovingTracks]
-    """Tracks of moving objects in sampled frames, ascending."""
-    carried: Callable[[tuple[Stroke, ...]], CarriedSubject]
-    """Returns the subject that strokes mark."""
-    people: Callable[[int], Mask]
-    """Returns the people (h, w) in a frame, which are not objects."""
-
-    def subjects(self) -> list[CarriedSubject]:
-        """Return each object; none where the clip has no moving objects for sure."""
-        if not moves(self.tracks):
-            return []
-        waiting = [(each.frame, group) for each in self.tracks for group in each.groups()]
-        waiting = [each for each in waiting if _covered(self.people(each[0]), each[1]) < SAME_PERSON]
-        found = list[CarriedSubject]()
-        while waiting and len(found) < MOST_OBJECTS:
-            first = waiting.pop(max(range(len(waiting)), key=lambda number: len(waiting[number][1])))
-            frame, places = first
-            subject = self.carried(tuple(Stroke(frame, ((x, y),)) for x, y in places.tolist()))
-            others = [each for each in waiting if _covered(subject.mask(each[0]), each[1]) < SAME_PERSON]
-            if len(others) < len(waiting):
-                found.append(subject)
-            waiting = others
-        return found
-
-
-def _covered(mask: Mask, places: Floats) -> float:
-    """The share of places (n, 2), shares of the picture, that are on a mask (h, w)."""
-    height, width = mask.shape
-    column, row = np.floor(places * (width, height)).astype(int).T
-    return float(mask[row.clip(0, height - 1), column.clip(0, width - 1)].mean())
