@@ -64,8 +64,6 @@ the subject: a rider without the scooter has 0.17 to 0.37, people and animals of
 0.97."""
 TRUST_LEARNED = 0.2
 """Share of a frame in how far the networks are trusted."""
-PERSON_EVERY = 4
-"""Frames between two in which a person is looked for on a subject without one."""
 UNRECOGNISED, UNCOVERED = 0.5, 0.9
 """Trust in the networks below which motion and colours find the parts that come into view, and probability of
 these. On fence IoU is 0.87 with them and 0.80 without; a tram has 0.0, people of two scenes 0.93 to 1."""
@@ -89,8 +87,6 @@ class Cut:
     """Area of a person, for the network that segments people in the next frame."""
     is_salient: bool = False
     """True if the user's own segmenter has cut it out."""
-    alone: int = 0
-    """Frames since a person was looked for in vain."""
 
     @classmethod
     def known(cls, picture: Bytes, share: Map, trust: float) -> Cut:
@@ -205,8 +201,7 @@ def next_cut(
     if before.trust < UNRECOGNISED:
         carried = _with_uncovered(picture, before.colours, carried, neighbours)
     there = carried > 0.5
-    alone = 0 if before.region is not None else before.alone + 1
-    seen, region = recognised(networks, picture, there, before.region, alone % PERSON_EVERY == 0)
+    seen, region = recognised(networks, picture, there, before.region)
     trust = (1 - TRUST_LEARNED) * before.trust + TRUST_LEARNED * _agreement(seen, there)
     weight = trust * CARRIED[1] + (1 - trust) * CARRIED[0]
     share = _solved(
@@ -219,7 +214,7 @@ def next_cut(
     if not found.is_seen or found.area < LOST * area:
         return before.gone()
     return replace(
-        found, sure=overlap(share > 0.5, there), region=region, alone=alone,
+        found, sure=overlap(share > 0.5, there), region=region,
         colours=before.colours.mixed(found.colours, LEARNED),
         area=(1 - TRUST_LEARNED) * area + TRUST_LEARNED * found.area,
     )  # fmt: skip

@@ -120,7 +120,7 @@ def body(
 
 
 def recognised(
-    networks: Networks, picture: Bytes, there: Mask, last: Region | None = None, looks: bool = True
+    networks: Networks, picture: Bytes, there: Mask, last: Region | None = None
 ) -> tuple[Map, Region | None]:
     """Return what the networks see of a subject that is expected at a mask.
 
@@ -129,13 +129,12 @@ def recognised(
         picture: (h, w, 3) uint8 RGB.
         there: (h, w) where the subject is expected; not empty.
         last: As of `body`.
-        looks: True to look for a person.
 
     Returns:
         (h, w) log-odds, and the area of a person for the next frame.
     """
     box = Box.around(there, CROP)
-    person, around = body(networks, picture, box, there, BODY_OVERLAP, last) if looks else (None, None)
+    person, around = body(networks, picture, box, there, BODY_OVERLAP, last)
     if person is not None:
         return person, around
     found = silhouette(networks, picture, box)
