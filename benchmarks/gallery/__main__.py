@@ -26,7 +26,7 @@ def main() -> int:
     """Run clips, write the table of all and the pictures; the exit status."""
     options = _options()
     missing = _missing()
-    program = Program(options.program.absolute())
+    program = Program(options.program.absolute(), options.segmenter and options.segmenter.absolute())
     every = [Steps(clip, program) for clip in clips.CLIPS if clip.name not in missing]
     wanted = [steps for steps in every if steps.clip.name in options.clips]
     rows: dict[str, Row] = {}
@@ -57,6 +57,9 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument(
         "--program", type=Path, default=HEADLESS, metavar="PATH", help="headless.py of another checkout"
+    )
+    parser.add_argument(
+        "--segmenter", type=Path, metavar="FILE.onnx", help="of all pictures, as of the command line"
     )
     parser.add_argument("--name", default="real", help="of the table and of the folder of pictures")
     parser.add_argument("--jobs", type=int, default=SIDE_BY_SIDE, metavar="N", help="clips side by side")

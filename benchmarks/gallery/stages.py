@@ -30,6 +30,8 @@ class Program:
     """A checkout's `addon/headless.py`."""
 
     headless: Path
+    segmenter: Path | None = None
+    """The user's own, for all pictures."""
 
     @cached_property
     def solver(self) -> str:
@@ -68,7 +70,8 @@ class Steps:
     @property
     def folder(self) -> Path:
         """Folder of the pictures."""
-        return BUILD / f"code-{self.program.code}" / self.clip.name
+        by = f"-{self.program.segmenter.stem}" if self.program.segmenter else ""
+        return BUILD / f"code-{self.program.code}{by}" / self.clip.name
 
     @property
     def click(self) -> str:
@@ -136,7 +139,8 @@ class Steps:
         return "render", self.folder / "work", "--focus-at", self.click, "--blur", BLUR
 
     def _output(self, kind: str) -> tuple[object, ...]:
-        return "--jobs", 1, "--out", self.folder / kind / "####.png"
+        by = ("--segmenter", self.program.segmenter) if self.program.segmenter else ()
+        return *by, "--jobs", 1, "--out", self.folder / kind / "####.png"
 
     def _command(self, log: Path, words: Sequence[object], first: Path | None = None) -> Ended:
         return commands.run((self.program.headless, *words), log, first)
