@@ -12,51 +12,18 @@ import numpy as np
 
 from ..base.arrays import Mask
 from ..base.lru_cache import remembered
-from ..base.progress import checkpoint
-from .cut import Cut, first_cut, neighbours, next_cut
-from .flow import warped
+from .cut import Cut, first_cut, neighbours
 from .networks import Networks
 from .odds import overlap
 from .pictures import ClipPictures
-from .salient import Look, SalientTrack
+from .salient import Look
 from .strokes import Stroke
+from .track import Track
 
 STROKE = 0.01
 """Width of a stroke, over the long side."""
 UNSURE = 0.75
 """Intersection over union with the place where flow carries a subject, below which a frame is unsure."""
-
-
-@dataclass
-class Track:
-    """A subject carried both ways from one frame, as far as it was asked for."""
-
-    pictures: ClipPictures
-    networks: Networks
-    start: int
-    """Frame in which it is known."""
-    first: Cut
-    """The subject there."""
-    _cuts: dict[int, list[Cut]] = field(default_factory=dict, repr=False)
-
-    def cut(self, frame: int) -> Cut:
-        """Return the subject in a frame; errors as of `ClipPictures.picture`."""
-        frames = self.pictures.frames
-        first, last = frames.index(self.start), frames.index(frame)
-        way = 1 if last > first else -1
-        cuts = self._cuts.setdefault(way, [self.first])
-        while len(cuts) <= abs(last - first):
-            checkpoint()
-            at = first + way * len(cuts)
-            cuts.append(self._next(cuts[-1], frames[at], way))
-        return cuts[abs(last - first)]
-
-    def _next(self, before: Cut, frame: int, way: int) -> Cut:
-        if not before.is_seen:
-            return before.gone()
-        carried = warped(before.share, self.pictures.flow.there(frame, -way)[0])
-        beside = neighbours(self.pictures, frame)[::way]
-        return next_cut(self.networks, self.pictures.picture(frame), before, carried, beside)
 
 
 @dataclass(frozen=True)
@@ -73,7 +40,7 @@ class CarriedSubject:
     strokes: tuple[Stroke, ...]
     carried: Callable[[tuple[Stroke, ...]], CarriedSubject] | None = None
     """Returns the subject of fewer strokes, which may be carried already."""
-    _tracks: dict[int, Track | SalientTrack] = field(default_factory=dict, repr=False, compare=False)
+    _tracks: dict[int, Track] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def marked_frames(self) -> list[int]:
@@ -109,11 +76,9 @@ class CarriedSubject:
         sure = max(min(way.sure for way in ways), overlap(ways[0].mask, ways[1].mask))
         return replace(ways[0], share=np.asarray(share, np.float32), sure=sure)
 
-    def _track(self, start: int) -> Track | SalientTrack:
+    def _track(self, start: int) -> Track:
         if start not in self._tracks:
-            first = self._marked(start)
-            kind = SalientTrack if first.is_salient else Track
-            self._tracks[start] = kind(self.pictures, self.networks, start, first)
+            self._tracks[start] = Track(self.pictures, self.networks, start, self._marked(start))
         return self._tracks[start]
 
     def _marked(self, frame: int) -> Cut:

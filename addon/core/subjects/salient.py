@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Map, Mask
-from ..base.lru_cache import remembered
-from ..base.progress import checkpoint
-from .cut import COLOUR, LEAST, LIKE, Cut
-from .flow import warped
+from .cut import COLOUR, LEAST, LIKE
 from .networks import Networks
 from .odds import Box, Colours, distance, overlap
 from .people import bodies, overlap_of, touching
@@ -24,17 +21,11 @@ CROP, WIDER = 1.4, 2.2
 """Side of a crop over the subject's, and that of a second look where the first one contradicts flow."""
 GRID = 12
 """Steps of a crop's place in its side: a crop that follows each pixel makes the outline flicker."""
-EVERY = 4
-"""Frames between key frames. Mean intersection over union on a swan 0.860 with 2, 0.933 with 4, 0.935 with
-8; on a scooter 0.840 with 4, 0.798 with 8."""
 OWN, NEAR = 0.25, 0.12
 """Share of a found part that flow must have carried there, and distance from it, over the crop's side, that a
 part may reach."""
-AGREES, SURE = 0.5, 0.7
-"""Intersection over union of the found mask with the carried one, from which on the network is right, and
-from which on the next key frame is `EVERY` frames away."""
-SEAM = 0.024
-"""Width of an outline over the root of the subject's area: thicker errors of a key frame are repaired."""
+AGREES = 0.5
+"""Intersection over union of the found mask with the carried one, from which on the network is right."""
 WHOLE = 0.8
 """Share of the area that a subject had, from which it counts as whole."""
 PERSON = 0.5
@@ -127,108 +118,6 @@ class Look:
         size = box.right - box.left, box.bottom - box.top
         found[box.part] = cv2.resize(seen, size, interpolation=cv2.INTER_AREA)
         return found
-
-
-@dataclass(frozen=True)
-class _Key:
-    """A subject in a key frame."""
-
-    at: int
-    """Frames from the first one."""
-    share: Map
-    """(h, w) its probability."""
-    sure: float
-    """As of `Cut`."""
-    area: float
-    """Pixels of the whole subject."""
-
-
-@dataclass
-class SalientTrack:
-    """A subject carried both ways from one frame through key frames, as far as it was asked for.
-
-    Between key frames flow carries it from both, and the nearer one counts more. Errors as of
-    `ClipPictures.picture`.
-    """
-
-    pictures: ClipPictures
-    networks: Networks
-    start: int
-    """Frame in which it is known."""
-    first: Cut
-    """The subject there."""
-    _keys: dict[int, list[_Key]] = field(default_factory=dict, repr=False)
-    _steps: dict[int, int] = field(default_factory=dict, repr=False)
-
-    def cut(self, frame: int) -> Cut:
-        """Return the subject in a frame."""
-        frames = self.pictures.frames
-        at = frames.index(frame) - self._first
-        way = 1 if at >= 0 else -1
-        keys = self._until(way, abs(at))
-        number = max(n for n, key in enumerate(keys) if key.at <= abs(at))
-        key, share, sure = keys[number], self._repaired(way, number), keys[number].sure
-        if key.at < abs(at):
-            after = keys[number + 1]
-            near = (abs(at) - key.at) / (after.at - key.at)
-            here = self._carried(share, way, key.at, abs(at))
-            back = self._carried(self._repaired(way, number + 1), way, after.at, abs(at))
-            share, sure = cv2.addWeighted(here, 1 - near, back, near, 0), min(sure, after.sure)
-        share = np.asarray(share, np.float32)
-        return replace(self.first, share=share, sure=sure, area=float(np.count_nonzero(share > 0.5)))
-
-    @cached_property
-    def _first(self) -> int:
-        return self.pictures.frames.index(self.start)
-
-    def _until(self, way: int, at: int) -> list[_Key]:
-        """Key frames one way, with one after frame number `at` and another one, where the clip has them."""
-        end = len(self.pictures.frames) - 1 - self._first if way > 0 else self._first
-        keys = self._keys.setdefault(way, [_Key(0, self.first.share, 1.0, self.first.area)])
-        while keys[-1].at < end and (len(keys) < 3 or keys[-2].at <= at):
-            keys.append(self._next(keys[-1], way, end))
-        return keys
-
-    def _next(self, before: _Key, way: int, end: int) -> _Key:
-        step = self._steps.get(way, EVERY)
-        while True:
-            checkpoint()
-            to = min(before.at + step, end)
-            carried = self._carried(before.share, way, before.at, to)
-            look = Look(self.networks, self.pictures, self._frame(way, to))
-            share, agrees = look.next(carried, before.area, self.first.colours)
-            if agrees >= SURE or step == 1 or not (carried > 0.5).any():
-                self._steps[way] = min(2 * step, EVERY) if agrees >= SURE else step
-                area = float(np.count_nonzero(share > 0.5))
-                return _Key(to, share, agrees, area if area > WHOLE * before.area else before.area)
-            step = max(step // 2, 1)
-
-    def _frame(self, way: int, at: int) -> int:
-        return self.pictures.frames[self._first + way * at]
-
-    def _carried(self, share: Map, way: int, start: int, to: int) -> Map:
-        """A probability (h, w), moved by flow from one frame number to another."""
-        step = 1 if to > start else -1
-        for at in range(start, to, step):
-            share = warped(share, self.pictures.flow.there(self._frame(way, at + step), -way * step)[0])
-        return share
-
-    @remembered()
-    def _repaired(self, way: int, number: int) -> Map:
-        """A key frame's probability (h, w), with that of its neighbours where both contradict it."""
-        keys = self._keys[way]
-        at, share = keys[number].at, keys[number].share
-        if not 0 < number < len(keys) - 1:
-            return share
-        near = [self._carried(each.share, way, each.at, at) for each in (keys[number - 1], keys[number + 1])]
-        one, other, own = (each > 0.5 for each in (*near, share))
-        width = max(round(SEAM * float(np.sqrt(np.count_nonzero(own)))), 1)
-        disc = np.ones((2 * width + 1, 2 * width + 1), np.uint8)
-        wrong = np.zeros_like(own)
-        for part in (one & other & ~own, ~one & ~other & own):
-            thick = cv2.morphologyEx(part.astype(np.uint8), cv2.MORPH_OPEN, disc)
-            wrong |= (cv2.dilate(thick, disc) > 0) & part
-        return np.where(wrong, (near[0] + near[1]) / 2, share)
 
 
 def _box(mask: Mask, times: float = CROP) -> Box:
