@@ -1,8 +1,9 @@
 """Subjects of real clips against hand-drawn masks (real data).
 
-`python -m benchmarks.special drawn_masks [--clips NAME ...] [--ways WAY ...] [--pictures FOLDER]`. *Stroke*:
-a line down the middle of the true mask in the middle frame that has one, carried through the clip. *Click*:
-its innermost pixel alone. *Automatic*: the people and other moving objects of the solved clip, all of them.
+`python -m benchmarks.special drawn_masks [--clips NAME ...] [--ways WAY ...] [--pictures FOLDER]
+[--segmenter FILE.onnx]`. *Stroke*: a line down the middle of the true mask in the middle frame that has one,
+carried through the clip. *Click*: its innermost pixel alone. *Automatic*: the people and other moving objects
+of the solved clip, all of them.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from addon.core.media.clip import Footage, open_footage
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
 from addon.core.subjects.carried import CarriedSubject
+from addon.core.subjects.clip_subjects import ClipSubjects
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.pictures import ClipPictures
 from addon.core.subjects.strokes import Stroke, down
@@ -43,24 +45,25 @@ def main() -> None:
     parser.add_argument("--clips", nargs="+", default=names, choices=names, metavar="NAME")
     parser.add_argument("--ways", nargs="+", default=WAYS, choices=WAYS, metavar="WAY")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="every tenth frame with its mask")
+    parser.add_argument("--segmenter", type=Path, metavar="FILE.onnx", help="as of the command line")
     options = parser.parse_args()
     columns = "clip", "how", "mean IoU", "least", "over 0.85", "boundary F", "CPU s a frame"
     print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
     for name in options.clips:
-        _judge(name, options.ways, options.pictures)
+        _judge(name, options.ways, options.pictures, Networks(segmenter=options.segmenter))
 
 
-def _judge(name: str, ways: Sequence[str], pictures: Path | None) -> None:
+def _judge(name: str, ways: Sequence[str], pictures: Path | None, networks: Networks) -> None:
     footage = open_footage(DATA / "clips" / f"{name}.mp4")
     truths = {frame: truth for frame in footage.frames if (truth := _truth(name, frame)) is not None}
-    small, networks = ClipPictures(footage.frames, footage.read), Networks()
+    small = ClipPictures(footage.frames, footage.read)
     middle = sorted(truths)[len(truths) // 2]
     finds: dict[str, Callable[[int], Mask]] = {
         way: CarriedSubject(small, networks, (Stroke(middle, down(_solid(truths[middle]), corners)),)).mask
         for way, corners in CORNERS.items()
     }
     if "automatic" in ways:
-        finds["automatic"] = _automatic(footage, name)
+        finds["automatic"] = _automatic(footage, name, networks)
     for way in ways:
         find = finds[way]
         began = cpu_seconds()
@@ -77,11 +80,14 @@ def _judge(name: str, ways: Sequence[str], pictures: Path | None) -> None:
     footage.close()
 
 
-def _automatic(footage: Footage, name: str) -> Callable[[int], Mask]:
+def _automatic(footage: Footage, name: str, networks: Networks) -> Callable[[int], Mask]:
     """All subjects of a clip that are found without the user, (h, w) by frame."""
     work = store.FOLDER / "solves" / f"{name}-{store.digest(store.sources(*store.SOLVER))}.aperture"
     SolveProcess(footage.path, work).wait()
-    clip = ClipContext(load_solve(work).reconstruction, footage.read)
+    solved = load_solve(work).reconstruction
+    clip = ClipContext(
+        solved, footage.read, known_subjects=ClipSubjects(solved, footage.read, networks=networks)
+    )
 
     def mask(frame: int) -> Mask:
         found = clip.parts.mask(frame)

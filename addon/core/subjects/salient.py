@@ -17,15 +17,15 @@ from .pictures import ClipPictures, displayed
 
 CLICKED = (0.25, 0.35, 0.5, 0.7, 1.0)
 """Sides, over the long side, of the squares around a click in which its object is looked for."""
-CROP, WIDER = 1.4, 2.2
-"""Side of a crop over the subject's, and that of a second look where the first one contradicts flow."""
+CROP = 1.4
+"""Side of a crop over the subject's."""
 GRID = 12
 """Steps of a crop's place in its side: a crop that follows each pixel makes the outline flicker."""
 OWN, NEAR = 0.25, 0.12
 """Share of a found part that flow must have carried there, and distance from it, over the crop's side, that a
 part may reach."""
 AGREES = 0.5
-"""Intersection over union of the found mask with the carried one, from which on the network is right."""
+"""Intersection over union of two looks at a click, from which on the second one is right."""
 WHOLE = 0.8
 """Share of the area that a subject had, from which it counts as whole."""
 PERSON = 0.5
@@ -92,20 +92,11 @@ class Look:
         there = carried > 0.5
         if np.count_nonzero(there) < LEAST:
             return np.zeros_like(carried), 0.0
-        found = list[tuple[Map, float, Mask]]()
-        boxes = [_box(there, times) for times in (CROP, WIDER)]
-        alike = colours.odds(self.pictures.picture(self.frame), COLOUR[0])
-        for box in boxes:
-            seen = self._seen(box)
-            near = distance(there) < NEAR * (box.right - box.left)
-            kept = _parts((seen > 0.5) & near, there, alike, area)
-            found.append((_only(kept, seen), overlap(kept, there), kept))
-            if found[-1][1] >= AGREES:
-                return found[-1][:2]
-        best = max(found, key=lambda each: each[1])
-        # Two looks that agree with each other are right, not flow.
-        agreed = overlap(found[0][2], found[1][2]) > best[1]
-        return (best[0] if agreed else carried), best[1]
+        box, alike = _box(there), colours.odds(self.pictures.picture(self.frame), COLOUR[0])
+        seen = self._seen(box)
+        near = distance(there) < NEAR * (box.right - box.left)
+        kept = _parts((seen > 0.5) & near, there, alike, area)
+        return _only(kept, seen), overlap(kept, there)
 
     def _seen(self, box: Box) -> Map:
         """The network's probability (h, w) in a box; 0 outside."""
@@ -120,10 +111,10 @@ class Look:
         return found
 
 
-def _box(mask: Mask, times: float = CROP) -> Box:
+def _box(mask: Mask) -> Box:
     """The square around a mask (h, w), in coarse steps of its place and size."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    extent = times * max(rows[-1] - rows[0] + 1, columns[-1] - columns[0] + 1, 16)
+    extent = CROP * max(rows[-1] - rows[0] + 1, columns[-1] - columns[0] + 1, 16)
     side = 2 ** (round(np.log2(extent) * 8) / 8)
     step = side / GRID
     middle = [round((each[0] + each[-1] + 1) / 2 / step) * step for each in (rows, columns)]
