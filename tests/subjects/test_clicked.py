@@ -92,6 +92,20 @@ def test_a_click_on_a_person_does_not_wait_for_objects(clip: walls.Filmed) -> No
     assert found is not None and found.name == "person 1"
 
 
+def test_a_click_on_a_person_shows_a_body_before_people_are_searched() -> None:
+    if not Networks().exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+    drawn, seen = filmed(walls.with_person, FEW), list[Mask]()
+    clip = replace(drawn, known_subjects=ClipSubjects(drawn.reconstruction, drawn.read))
+    y, x = np.argwhere(walls.person(FRAME)).mean(axis=0)
+    found = click(clip, x, y, seen=seen.append)
+    assert "the subject person 1" in found.source
+    first, last = seen
+    assert overlap(first, last) > 0.7 and clip.parts.subjects.knows_people
+    click(clip, x, y, seen=seen.append)
+    assert len(seen) == 3 and np.array_equal(seen[2], last)
+
+
 def test_a_click_on_what_stands_still_is_as_without_subjects(clip: walls.Filmed) -> None:
     seen = list[Mask]()
     found = click(clip, 200, 140, seen=seen.append)

@@ -10,6 +10,7 @@ from ..base.arrays import Mask
 from ..base.progress import part
 from ..depth.source import FAINTEST
 from ..focus.place import Place, PlaceFinder
+from ..subjects.clip_subjects import pixel_at
 from ..subjects.cut import LEAST
 from ..subjects.found_subjects import SAME
 from ..subjects.people import overlap_of
@@ -48,7 +49,13 @@ def clicked(
     Raises:
         UserError: See `PlaceFinder.find`.
     """
-    known = None if finder.is_repaired(x, y) else clip.subject_at(finder.frame, x, y)
+    subjects, is_repaired = clip.parts.subjects, finder.is_repaired(x, y)
+    if clip.may_focus_on_subjects and not is_repaired and not subjects.knows_people:
+        # The search for people takes a while.
+        body = subjects.body_at(finder.frame, x, y)
+        if body is not None:
+            seen(body)
+    known = None if is_repaired else clip.subject_at(finder.frame, x, y)
     if known is not None:
         seen(known.mask(finder.frame))
     return finder.find(x, y, partial(_new_subject, clip, finder.frame, x, y, name, marking, seen))
@@ -92,5 +99,4 @@ def _is_masked(clip: ClipContext, frame: int, x: float, y: float) -> bool:
     mask = clip.masks(frame) if clip.masks else None
     if mask is None:
         return False
-    rows, columns = mask.shape
-    return bool(mask[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)] > FAINTEST)
+    return pixel_at(mask, x, y) > FAINTEST

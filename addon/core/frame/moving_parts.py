@@ -22,7 +22,7 @@ from ..depth.source import FAINTEST
 from ..depth.subject_depth import Subject
 from ..media.fixed_area import Fixed, nothing_fixed
 from ..media.picture_file import Pixels
-from ..subjects.clip_subjects import ClipSubject, ClipSubjects, united
+from ..subjects.clip_subjects import ClipSubject, ClipSubjects, pixel_at, united
 from ..subjects.masked_objects import MaskedObjects
 from ..subjects.people import feet_of, sampled
 from ..subjects.pictures import displayed
@@ -78,9 +78,7 @@ class MovingParts:
     def at(self, frame: int, x: float, y: float) -> ClipSubject | None:
         """Return the subject at fractions x, y of a frame's picture, (0, 0) top left, or None."""
         for each in self._one_by_one():
-            mask = each.mask(frame)
-            rows, columns = mask.shape
-            if mask[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)]:
+            if pixel_at(each.mask(frame), x, y):
                 return each
         return None
 

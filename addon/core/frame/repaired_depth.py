@@ -15,6 +15,7 @@ from ..focus.follow import EVERY, smoothed
 from ..focus.place import Place, PlaceFinder
 from ..focus.subject import inverse_depths
 from ..optics.thin_lens import ThinLens
+from ..subjects.clip_subjects import pixel_at
 from .clip_context import ClipContext
 from .highlights import HighlightSettings
 from .repairs import Repair, repaired
@@ -130,11 +131,7 @@ class _RepairedDepth(DepthSource):
 
     def covers(self, frame: int, x: float, y: float) -> bool:
         """Return whether a repair covers fractions x, y of a frame's picture."""
-        for painted in self._painted(frame):
-            rows, columns = painted.shape
-            if painted[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)]:
-                return True
-        return False
+        return any(pixel_at(painted, x, y) for painted in self._painted(frame))
 
     def covers_subject(self, frame: int, shown: Mask) -> bool:
         """Return whether repairs may change the median depth of a subject (h, w) of a frame."""

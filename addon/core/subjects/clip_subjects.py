@@ -10,7 +10,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from ..base.arrays import Bytes, Mask
+from ..base.arrays import Bytes, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.store import NOT_KEPT, Arrays, Entry, Store
 from ..camera.reconstruction import Reconstruction
@@ -21,7 +21,7 @@ from .cut import Cut, neighbours
 from .found_subjects import SAME, Candidate, distinct, found_objects, found_people
 from .gate import moving_tracks
 from .networks import Networks
-from .people import face_of, overlap_of, sampled
+from .people import bodies, face_of, overlap_of, sampled
 from .pictures import ClipPictures, displayed
 from .strokes import MarkedSubject, Stroke
 
@@ -97,6 +97,11 @@ class ClipSubjects:
         """Return whether fractions x, y of a frame's picture are on a person's face."""
         face = face_of(self.networks, displayed(self.read(frame)), person.mask(frame))
         return face is not None and bool(face[0] <= x <= face[2] and face[1] <= y <= face[3])
+
+    def body_at(self, frame: int, x: float, y: float) -> Mask | None:
+        """Return the body (h, w) that one network sees at shares x, y of a frame's picture, or None."""
+        shares = bodies(self.networks, self.pictures.picture(frame)) if self.networks.exist else []
+        return next((share > 0.5 for share in shares if pixel_at(share, x, y) > 0.5), None)
 
     def marked(self, marked: MarkedSubject) -> ClipSubject:
         """Return a marked subject in all frames."""
@@ -183,6 +188,12 @@ def _encoded(subjects: list[CarriedSubject]) -> Arrays:
         "counts": np.array([len(each.strokes) for each in subjects], int),
         "places": np.array([dot.places[0] for dot in dots], float).reshape(-1, 2),
     }
+
+
+def pixel_at(values: Map | Mask, x: float, y: float) -> float:
+    """Return the value of a map (h, w) at shares x, y of the picture, (0, 0) top left."""
+    rows, columns = values.shape
+    return float(values[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)])
 
 
 def united(masks: Sequence[Mask]) -> Mask:
