@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,6 +16,7 @@ from addon.core.focus.place import Place
 from addon.core.frame.clicked import clicked
 from addon.core.frame.clip_context import ClipContext
 from addon.core.subjects.clip_subjects import ClipSubject, ClipSubjects
+from addon.core.subjects.cut import Cut
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 
@@ -90,6 +92,25 @@ def test_a_click_on_a_person_does_not_wait_for_objects(clip: walls.Filmed) -> No
     vars(seen)["people"] = [replace(person, kind="person")]
     found = replace(clip, known_subjects=seen).subject_at(FRAME, *at(FRAME))
     assert found is not None and found.name == "person 1"
+
+
+def test_a_click_on_a_small_part_that_was_found_marks_the_whole(clip: walls.Filmed) -> None:
+    subjects = ClipSubjects(clip.reconstruction, clip.read, networks=Networks(walls.NONE))
+    part = np.zeros((HEIGHT, WIDTH), bool)
+
+    def cut(frame: int) -> Cut:
+        there = part.copy()
+        x, y = (round(each) for each in place(frame))
+        there[y - 3 : y + 4, x - 3 : x + 4] = True
+        picture = subjects.pictures.picture(frame)
+        size = picture.shape[1::-1]
+        share = cv2.resize(there.astype(np.float32), size, interpolation=cv2.INTER_NEAREST)
+        return Cut.known(picture, share, 1.0)
+
+    vars(subjects)["objects"] = [ClipSubject("object 1", "object1", cut, kind="object")]
+    found = click(replace(clip, known_subjects=subjects), *place(FRAME), name="Disc")
+    assert found.marks is not None
+    assert overlap(subjects.marked(found.marks).mask(FRAME), disc(FRAME)) > 0.75
 
 
 def test_a_click_on_a_person_shows_a_body_before_people_are_searched() -> None:

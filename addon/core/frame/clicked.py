@@ -33,6 +33,7 @@ def clicked(
     """Find the focus of a click at shares x, y of the picture, (0, 0) top left.
 
     If the depth is unknown or the pixel moves, and there is no known subject, the click marks a new subject.
+    So it does on a found object that covers less than half of the new one.
 
     Args:
         clip: The clip.
@@ -56,9 +57,13 @@ def clicked(
         if body is not None:
             seen(body)
     known = None if is_repaired else clip.subject_at(finder.frame, x, y)
+    new_subject = partial(_new_subject, clip, finder.frame, x, y, name, marking, seen)
+    # Tracks can be on a part of an object only.
+    if known is not None and known.kind == "object" and (place := new_subject()) is not None:
+        return place
     if known is not None:
         seen(known.mask(finder.frame))
-    return finder.find(x, y, partial(_new_subject, clip, finder.frame, x, y, name, marking, seen))
+    return finder.find(x, y, new_subject)
 
 
 def _new_subject(

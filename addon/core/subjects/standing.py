@@ -83,7 +83,7 @@ class Standing:
            frame in which the ground around it is not a plane takes the plane of the nearest frame.
         3. Without a plane in any frame, the subject is as far as the static scene beneath its feet.
 
-        Frames that place it behind the background that it hides are left out, unless all frames do.
+        Frames that place it behind the background that it hides are left out.
 
         Args:
             subject: Returns its pixels (h, w) in a source frame, at any size.
@@ -103,9 +103,7 @@ class Standing:
             beneath = {frame: self._beneath(frame, mask, static[frame]) for frame, mask in masks.items()}
             found = {frame: inverse for frame, inverse in beneath.items() if inverse is not None}
         hidden = {frame: float(np.median(static[frame][masks[frame]])) for frame in found}
-        nearer = {frame: inverse for frame, inverse in found.items() if inverse >= hidden[frame]}
-        whole = {frame: inverse for frame, inverse in found.items() if not _is_cut_off(masks[frame])}
-        return nearer or whole
+        return {frame: inverse for frame, inverse in found.items() if inverse >= hidden[frame]}
 
     def bounds(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """Bound the inverse depth of a subject without contact, such as one that the lower border cuts off.
@@ -294,7 +292,7 @@ class SubjectDistance:
             off = np.log(np.array(heights)[known]) - sizes[known]
             # Theil, "A rank-invariant method of linear and polynomial regression analysis", 1950.
             drift = np.median((off[other] - off[one]) / (known[other] - known[one]))
-            sizes = sizes + drift * np.arange(len(sizes))
+            sizes = sizes + drift * np.arange(len(sizes)).clip(known[0], known[-1])
         return np.asarray(np.exp(sizes))
 
     @cached_property
