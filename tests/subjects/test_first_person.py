@@ -143,8 +143,8 @@ def test_people_are_looked_for_once(tmp_path: Path) -> None:
     assert (first.networks.calls > 0, second.networks.calls) == (True, 0)
     for frame in (11, 16):
         assert np.array_equal(again.cut(frame).share, person.cut(frame).share)
-    # A file of pictures of another size.
-    store.write(PEOPLE, {"frames": np.array([11]), "places": np.zeros((5, 7), np.uint8)})
+    # A damaged file.
+    store.write(PEOPLE, {"frames": np.array([11]), "counts": np.array([5]), "places": np.zeros(8)})
     assert len(ClipSubjects(*found, Counting()).people) == 1
     nobody = clip.reconstruction, walls.still, Store(tmp_path, lambda: 16 * "b")
     assert ClipSubjects(*nobody, Counting()).people == ClipSubjects(*nobody, blind := Counting()).people == []

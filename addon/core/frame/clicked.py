@@ -33,7 +33,7 @@ def clicked(
     """Find the focus of a click at shares x, y of the picture, (0, 0) top left.
 
     If the depth is unknown or the pixel moves, and there is no known subject, the click marks a new subject.
-    So it does on a found object that covers less than half of the new one.
+    It also marks one where a found object covers less than half of the new subject.
 
     Args:
         clip: The clip.
@@ -51,7 +51,8 @@ def clicked(
         UserError: See `PlaceFinder.find`.
     """
     subjects, is_repaired = clip.parts.subjects, finder.is_repaired(x, y)
-    if clip.may_focus_on_subjects and not is_repaired and not subjects.knows_people:
+    may_search = clip.reconstruction.is_ordered and clip.may_focus_on_subjects and not subjects.knows_people
+    if may_search and not is_repaired:
         # The search for people takes a while.
         body = subjects.body_at(finder.frame, x, y)
         if body is not None:

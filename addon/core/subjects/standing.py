@@ -58,7 +58,7 @@ HEIGHTS, SURE_DRIFT = 60, 8
 
 
 def nowhere(frame: int, subject: Mask) -> None:
-    """Return no feet, as of others than people."""
+    """Return None: the place of the feet is unknown."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Standing:
     moving: Callable[[int], Mask]
     """All moving pixels (h, w) of a source frame, at any size."""
     feet: Callable[[int, Mask], Floats | None] = nowhere
-    """Returns where a person (h, w) that the lower border cuts off stands, (2,) in shares of the picture."""
+    """Returns the feet (2,), in shares of the picture, of a person (h, w) cut off by the lower border."""
 
     def inverse_depths(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
         """Estimate the median inverse depth of a subject.
@@ -255,7 +255,7 @@ class SubjectDistance:
     bounds: Callable[[Sequence[int]], Mapping[int, float]] = lambda frames: {}
     """Its least inverse depth by frame, for a subject that no frame shows to stand anywhere."""
     feet: Callable[[int, Mask], Floats | None] = nowhere
-    """As of `Standing`."""
+    """See `Standing.feet`."""
     store: Store = NOT_KEPT
     """Storage of its sizes."""
     name: str = ""

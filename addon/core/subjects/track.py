@@ -64,15 +64,14 @@ class Track:
 
     def _until(self, way: int, at: int) -> list[tuple[int, Cut]]:
         """Key frames one way, up to frame number `at` at least."""
-        end = len(self.pictures.frames) - 1 - self._first if way > 0 else self._first
         keys = self._keys.setdefault(way, [(0, self.first)])
         following = self._salient if self.first.is_salient else self._next
         while keys[-1][0] < at:
             checkpoint()
-            keys.append(following(*keys[-1], way, end))
+            keys.append(following(*keys[-1], way))
         return keys
 
-    def _next(self, at: int, before: Cut, way: int, _end: int) -> tuple[int, Cut]:
+    def _next(self, at: int, before: Cut, way: int) -> tuple[int, Cut]:
         to = at + 1
         if not before.is_seen:
             return to, before.gone()
@@ -81,7 +80,8 @@ class Track:
         carried = self._carried(before.share, way, at, to)
         return to, next_cut(self.networks, self.pictures.picture(frame), before, carried, beside)
 
-    def _salient(self, at: int, before: Cut, way: int, end: int) -> tuple[int, Cut]:
+    def _salient(self, at: int, before: Cut, way: int) -> tuple[int, Cut]:
+        end = len(self.pictures.frames) - 1 - self._first if way > 0 else self._first
         step = self._steps.get(way, EVERY)
         while True:
             to = min(at + step, end)
