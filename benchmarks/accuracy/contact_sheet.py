@@ -7,6 +7,7 @@ the scene through them: each row is a place, its first column the source's crop 
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -24,7 +25,6 @@ from addon.core.sfm.workspace import Solve, load_solve
 
 from .. import store
 from ..picked import pick
-from .shop import data_folder
 
 Pixels = NDArray[np.uint8]
 
@@ -35,6 +35,11 @@ MIDDLE = 60
 SIZE = 170
 """Pixels of a crop's side."""
 OUT = store.ROOT / "docs" / "duck_crops.jpg"
+
+
+def data_folder() -> Path:
+    """Where the real test data lies, if it does."""
+    return Path(os.environ.get("VA_DATA", store.ROOT.parent / "shared" / "data"))
 
 
 def main() -> None:

@@ -30,9 +30,8 @@ from addon.core.sfm.workspace import load_solve
 
 from .. import store
 from .scenes import Staged
-from .shop import Shop
 
-SCENES = ("bars", "foreground", "slope", "fence", "walk", "boxes", "blocks", "porch", "shop5")
+SCENES = ("bars", "foreground", "slope", "fence", "walk", "boxes", "blocks", "porch")
 OFF = 0.05
 """Of the range of inverse depths, from which on a pixel is wrong."""
 JUMP, BAND = 0.1, 5
@@ -80,16 +79,8 @@ class Case:
         return Reconstruction(self.cameras.cameras, images, points)
 
 
-def case(name: str) -> Case | str:
-    """A scene by its name, or why it is not there."""
-    if name.startswith("shop"):
-        shop = Shop.open(name)
-        if isinstance(shop, str):
-            return shop
-        middle = (shop.path.index((13, 13)) + 1,)
-        none = np.zeros(shop.depth(middle[0]).shape, bool)
-        solve = _newest(store.FOLDER / "solves", f"{name}-*")
-        return Case(name, open_footage(shop.clip()), shop.cameras, middle, shop.depth, lambda _: none, solve)
+def case(name: str) -> Case:
+    """A scene by its name."""
     staged = Staged(name, 0.03)
     first = len(staged.stage.cameras) // 2
     return Case(
@@ -264,8 +255,7 @@ def main() -> None:
     arguments = parser.parse_args()
     print(HEAD, flush=True)
     for name in arguments.scenes:
-        scene = case(name)
-        print(scene if isinstance(scene, str) else "\n".join(rows(scene, arguments.pictures)), flush=True)
+        print("\n".join(rows(case(name), arguments.pictures)), flush=True)
 
 
 if __name__ == "__main__":

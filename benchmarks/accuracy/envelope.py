@@ -25,12 +25,12 @@ import numpy as np
 from addon.core.base.errors import UserError
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.quality import NORMAL, QUALITIES
+from addon.core.subjects.clip_subjects import ClipSubject, ClipSubjects
 from sample_scenes.stage import WIDTH
 
 from .. import store
 from ..cost import Cost, measured
 from . import metrics, report
-from .automatic_subjects import Nothing
 from .cases import FromVideo, GroundTruth
 from .judge import save_picture
 from .methods import METHODS, Answer
@@ -99,6 +99,19 @@ def _error(row: Row) -> float:
     return float("nan") if value is None else value
 
 
+@dataclass(frozen=True)
+class NoSubjects(ClipSubjects):
+    """No subject is found."""
+
+    @property
+    def people(self) -> list[ClipSubject]:  # type: ignore[override]
+        return []
+
+    @property
+    def objects(self) -> list[ClipSubject]:  # type: ignore[override]
+        return []
+
+
 class Given(GroundTruth):
     """True cameras and depth; frames are filmed when they are first read, and read once."""
 
@@ -106,7 +119,7 @@ class Given(GroundTruth):
     def whole(self) -> ClipContext:
         """The clip with its true cameras, no features and no search for subjects, which reads all frames."""
         read = lru_cache(16)(self.scene.frame)
-        nobody = Nothing(self.scene.cameras, read)
+        nobody = NoSubjects(self.scene.cameras, read)
         return ClipContext(self.scene.cameras, read, known_subjects=nobody)
 
 

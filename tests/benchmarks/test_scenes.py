@@ -15,11 +15,10 @@ import numpy as np
 import pytest
 
 from addon.core.media.light import encode_srgb
-from benchmarks.accuracy import turning
 from sample_scenes import filming, gloss, staging, truth
 from sample_scenes.stage import HEIGHT, WIDTH, Stage
 
-SCENES = (*filming.STAGES, *turning.SCENES, gloss.NAME)
+SCENES = (*filming.STAGES, gloss.NAME)
 """Those of the benchmark, and those that a benchmark of their own films."""
 FEW_LAYERS = ("slope", "plain")
 """Stages that are about something else than things before other things."""
@@ -230,17 +229,6 @@ def test_walk_is_straight_ahead() -> None:
     step = cameras.rotation[0] @ (cameras.centres[-1] - cameras.centres[0])
     assert step[2] == pytest.approx(0.9, abs=0.02)
     assert np.hypot(*step[:2]) < 0.1 * step[2]
-
-
-@pytest.mark.parametrize("name", turning.SCENES)
-def test_a_tripod_stays_and_somebody_walks_out_of_their_own_way(name: str) -> None:
-    """Who walks comes so far that other frames see all of what they hide."""
-    made = load(name)
-    np.testing.assert_allclose(np.ptp(made.cameras.centres, axis=0), 0, atol=1e-12)
-    body = next(thing for thing in made.things if thing.subject)
-    assert body.travel is not None
-    across = made.cameras.project(body.travel)[np.arange(len(made.cameras)), np.arange(len(made.cameras)), 0]
-    assert np.ptp(across) > 0.2 * WIDTH
 
 
 def test_what_shines_mirrors_and_the_rest_does_not() -> None:

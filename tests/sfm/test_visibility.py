@@ -17,9 +17,6 @@ from addon.core.depth.sparse import frame_features
 from addon.core.media.clip import Footage, open_footage
 from addon.core.sfm.mapping.visibility import MIN_VIEWS, RADIUS, visible_points
 from addon.core.sfm.tracking.klt import new_corners
-from benchmarks.solving import density
-from sample_scenes.stage import Cameras, Stage
-from sample_scenes.truth import Geometry
 
 from .. import planes
 
@@ -209,40 +206,3 @@ def test_without_points_nothing_is_found(footage: Footage) -> None:
     visible = visible_points(empty, footage)
     assert all(len(each) == 0 for each in visible.values())
     assert visible_points(replace(empty, images=()), footage) == {}
-
-
-# The benchmark's truth
-
-
-def test_the_truth_of_the_benchmark() -> None:
-    # Two cameras side by side before a wall at 4 m; a card at 2 m hides its left half from both.
-    depth = np.full((48, 64), 4.0)
-    depth[:, :32] = 2.0
-    geometry = [Geometry(depth, np.zeros((48, 64), np.int32))] * 2
-    turns, shifts = np.tile(np.eye(3), (2, 1, 1)), np.array([[0, 0, 0], [-0.1, 0, 0.0]])
-    stage = Stage("toy", "", Cameras(64, 48, 50.0, turns, shifts), (), np.zeros((2, 3)))
-    # Solved at half the size: on the wall, on the card, hidden by the card, and in mid-air.
-    place, z = (
-        np.array([[50.5, 20.5], [10.5, 20.5], [60.5, 40.5], [12.5, 30.5]]),
-        np.array([4.0, 2.0, 4.0, 3.0]),
-    )
-    world = np.column_stack([(place - (32, 24)) / 50, np.ones(4)]) * z[:, None]
-    world[2, 0] = -1.2
-    camera = Intrinsics(64, 48, 50.0, 50.0, 32.0, 24.0)
-    points = np.array([0, 1, 3], np.int32)
-    images = tuple(
-        Image(i + 1, turns[i], shifts[i] / 2, camera.project((world + shifts[i])[points]), points)
-        for i in range(2)
-    )
-    solved = Reconstruction((camera,), images, Points(world / 2, np.zeros((4, 3), np.uint8), np.zeros(4)))
-    true = density.true_points(stage, geometry, solved)
-    np.testing.assert_allclose(true.world[:2], world[:2], atol=1e-9)
-    assert np.isnan(true.world[2:]).all()
-    true.world[2] = world[2]
-    projected = camera.project(world + shifts[0])
-    there, hidden = density.seen(stage, geometry[0], true, images[0], projected)
-    assert there.tolist() == [True, True, False, False]
-    assert hidden.tolist() == [False, False, True, False]
-    # A point that is projected elsewhere than it is, is neither.
-    there, hidden = density.seen(stage, geometry[0], true, images[0], projected + 3)
-    assert not there.any() and not hidden.any()

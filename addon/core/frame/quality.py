@@ -29,8 +29,8 @@ class Quality:
     """Divisor of each side of the picture, if it is drawn with dense depth."""
     longest: int = 960
     """Most pixels of the long side at which it is drawn with dense depth; detail in focus is the source's.
-    Four of five real clips differ by 45.9 to 55.7 dB from their own size (`python -m benchmarks.special
-    drawn_size`)."""
+    Four of five real clips differ by 45.9 to 55.7 dB from their own size (`benchmarks.special
+    drawn_size` at 010ab4e6)."""
     stereo_side: int = LONG_SIDE
     """Pixels of the longer side at which stereo finds the depth of key frames."""
     fusion: FusionOptions = field(default_factory=FusionOptions)

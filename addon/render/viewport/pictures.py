@@ -34,7 +34,7 @@ Half = NDArray[np.float16]
 Key = tuple[int, int, str, str]
 COARSE_SIDE = 240
 """Pixels of the longer side of the first picture: a draft of the sample clip takes 0.14 s so small, and 0.43
-at 640x360, on 2 cores in software OpenGL (`python -m benchmarks.timings.interface`)."""
+at 640x360, on 2 cores in software OpenGL (`benchmarks.special interface` at 010ab4e6)."""
 ROUGH_VIEWS = 16
 """Views of a picture from the feature points, 240 pixels wide. It takes 0.08 s. Chosen by looking at it."""
 NO_HIGHLIGHTS = HighlightSettings(gain=0.0)
