@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from . import containers, disks, kills, mutations, options, pans, races, scenes, sizes, strangers, users_files
+from . import disks, kills, mutations, races, sizes
 from .bench import Try
 
 MANY = 1_000_000
@@ -50,24 +50,7 @@ FAULTS = {
     "kept-depth": Fault("depth that an earlier run kept is damaged", mutations.kept_depth),
     "report": Fault("the file of reports is damaged", mutations.report),
     "blend": Fault("a property of a .blend is damaged", mutations.blend),
-    "scene-settings": Fault("a scene setting that frames do not depend on", scenes.settings),
-    "other-maps": Fault("depth maps of another rate, shape or format", scenes.maps),
-    "movie-folder": Fault("files of the user's in a movie's folder of frames", users_files.movie_folder),
-    "names": Fault("names as cameras and versions give them, beside hidden files", users_files.names),
-    "own-report": Fault("a file of reports in the place of a solve's state", users_files.own_report),
-    "edited-frame": Fault("a frame is edited after the render", users_files.edited_frame),
-    "options": Fault("an option that means nothing", options.numbers),
-    "models": Fault("no solve, or one of every second frame, is imported", options.models),
-    "places": Fault("no file, or no folder, where output is to go", options.places),
     "not-finite": Fault("NaN and infinite pixels", mutations.not_finite),
-    "middle": Fault("a byte of a clip of 80 MiB is changed, its time put back", strangers.middle),
-    "not-files": Fault("a pipe or a device in place of a file", strangers.not_files),
-    "lies": Fault("counts and sizes that no file bears out", strangers.lies),
-    "odd-clips": Fault("whole clips as other programs make them, sound longer or late", containers.odd),
-    "shown-clips": Fault("clips turned, mirrored, cropped, of two tracks, sound unknown", containers.shown),
-    "broken-clips": Fault("a packet of a clip is damaged, or its end is missing", containers.broken),
-    "lists": Fault("a list of files by the name of a video", containers.lists),
-    "pans": Fault("a pan through a lens that bends, zooms or is read row by row", pans.pan, 10),
     "wide": Fault("pictures of 16,384 x 96", sizes.wide, 10),
     "large": Fault("pictures of 16,384 x 9,216", sizes.large, 6),
     "long": Fault("2,000 frames, ended six times", sizes.long, 3),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import sys
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -18,15 +17,14 @@ from addon.core.media.clip import Footage, open_footage
 from addon.core.media.light import decode_srgb
 from addon.core.sfm.workspace import Solve
 from benchmarks.thesis import __main__ as figures
-from benchmarks.thesis import edges, front_ends, plots, points, views
+from benchmarks.thesis import edges, views
 from benchmarks.thesis import marks as draw
 from benchmarks.thesis.clips import Clip
-from sample_scenes.shapes import Shape, box
+from sample_scenes.shapes import Shape
 from sample_scenes.stage import Cameras, Prop, Stage
 
 from .. import planes
-from ..sliding import sliding_clip
-from .stills import edge, noise, still
+from .stills import edge, noise
 
 Floats = NDArray[np.float64]
 
@@ -157,68 +155,12 @@ def test_lengths_of_known_edges_are_measured(clip: Planes) -> None:
         assert float(slip.split()[0]) <= 0.3
 
 
-def test_misses_of_the_features_are_told(clip: Planes) -> None:
-    shifted = Planes(clip.root)
-    rec = clip.reconstruction
-    images = tuple(replace(image, xy=image.xy + np.array([0.3, -0.4])) for image in rec.images)
-    shifted.__dict__["solved"] = replace(clip.solved, reconstruction=replace(rec, images=images))
-    shifted.__dict__["footage"] = clip.footage
-    figure = points.reprojections(shifted, "Figure 0")
-    assert figure.numbers.startswith("60 features; distance between the two 0.50 px in the median")
-    assert (figure.name, figure.answers) == ("reprojections_planes.png", "Figure 0")
-
-
-def test_features_move_against_the_virtual_camera(clip: Planes) -> None:
-    figure = points.virtual_cameras(clip, 0.25, "Figure 0")
-    middle = {}
-    for side, (_, colour, _) in points.SIDES.items():
-        row, column = np.nonzero((figure.picture == colour).all(axis=2))
-        middle[side] = np.array([column.mean(), row.mean()])
-    assert middle["right"][0] < middle["left"][0] - 5
-    assert middle["down"][1] < middle["up"][1] - 5
-    least, most = map(float, re.findall(r"[\d.]+(?= to| px)", figure.numbers))
-    depth = clip.features(clip.middle).inverse_depth ** -1 / SCALE
-    assert least == pytest.approx(planes.FOCAL * 0.25 / depth.max(), rel=0.01, abs=0.05)
-    assert most == pytest.approx(planes.FOCAL * 0.25 / depth.min(), rel=0.01, abs=0.05)
-
-
-def test_the_thesiss_triangles_fill_the_frame(clip: Planes) -> None:
-    figure = views.triangulations(clip, "Figure 0")
-    vertices, triangles = map(int, re.findall(r"(\d+) (?:vertices|triangles)", figure.numbers)[:2])
-    # The features and the frame's corners; Euler's formula where four are on the hull.
-    assert vertices == 60 + 4
-    assert triangles == 2 * vertices - 2 - 4
-    assert figure.picture.shape[1] > 2 * planes.SIZE[0]
-
-
 def test_novel_views_are_nearer_to_what_is_seen_from_there(clip: Planes) -> None:
     figure = views.novel_views(clip, (0.2,), "Figure 0")
     score = [float(number) for number in re.findall(r"\d+\.\d(?=[,;. ])", figure.numbers)]
     thesis, ours, as_it_is = score[0:2], score[2:4], score[4]
     assert min(thesis) > as_it_is + 1, figure.numbers
     assert min(ours) > as_it_is + 1, figure.numbers
-
-
-def test_a_shrunk_clip_keeps_frames_and_colours(tmp_path: Path) -> None:
-    clip = Planes(tmp_path)
-    pictures = [noise(240, 320, seed) for seed in range(3)]
-    clip.__dict__["footage"] = open_footage(planes.write_clip(tmp_path / "clip", pictures))
-    small = plots.shrunk(clip, 80)
-    assert (small.frames, small.width, small.height) == ((1, 2, 3), 80, 60)
-    fours = clip.frame(3).reshape(60, 4, 80, 4, 3).mean(axis=(1, 3))
-    np.testing.assert_allclose(np.asarray(small.read(3)), fours, atol=0.51)
-
-
-def test_counts_are_of_every_front_end(clip: Planes, tmp_path: Path) -> None:
-    sliding = sliding_clip(tmp_path)
-    short = Planes(clip.root)
-    short.__dict__["footage"] = sliding
-    figure = plots.counts(short, "Figure 0")
-    assert "160x120: " in figure.numbers
-    assert "Of ours 60 (60 to 60; 0) a frame have a 3D point" in figure.numbers
-    for name, front in front_ends.FRONTS.items():
-        number = front_ends.registered(front(sliding))
-        assert f"{name} {number.mean():.0f} ({number.min()} to {number.max()}; 0)" in figure.numbers
 
 
 # The script
@@ -258,11 +200,3 @@ def test_the_script_writes_what_was_asked_for(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(sys, "argv", ["figures", "--only", "c", "--out", str(tmp_path / "none")])
     with pytest.raises(SystemExit):
         figures.main()
-
-
-def test_the_middle_of_a_thing() -> None:
-    cube = Prop("cube", box((1, 2, 3)).moved(4.0, 5.0, 6.0), np.zeros((1, 1, 3), np.float32))
-    low, high = cube.shape.vertices.min(axis=0), cube.shape.vertices.max(axis=0)
-    np.testing.assert_allclose(high - low, [1, 2, 3])
-    stage = replace(still(160, 120, 100.0), things=(cube,))
-    np.testing.assert_allclose(figures.middle_of(stage, "cube") - low, [0.5, 1, 1.5])

@@ -23,19 +23,6 @@ QUICK = (
     "output",
     "solve",
     "masks",
-    "middle",
-    "not-files",
-    "lies",
-    "names",
-    "options",
-    "models",
-    "places",
-    "odd-clips",
-    "shown-clips",
-    "broken-clips",
-    "lists",
-    "scene-settings",
-    "other-maps",
 )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from .clips import write_scene
-from .program import EXTENSION, Program
+from .program import BACKEND, EXTENSION, Program
 from .screen import Screen
 from .steps import first_window, running, show_preferences
 
@@ -35,6 +35,16 @@ def preview(program: Program, name: str) -> None:
     program.settle()
     program.shot(name)
     assert program.ask(SHADING) == "RENDERED"
+
+
+def test_the_previews_process_has_this_gpu_backend(program: Program) -> None:
+    preview(program, "backend")
+    modules = f"__import__('sys').modules['{EXTENSION}.addon.render"
+    launcher, process = f"{modules}.processes.launcher']", f"{modules}.viewport.viewport'].CLIP"
+    program.ask(f"bpy.call = {process}.call({launcher}._backend); None")
+    program.wait(f"{process}.poll() or bpy.call.ended")
+    said = program.ask(f"[bpy.call.result(), {launcher}._backend()]")
+    assert said[0] == said[1] == ["--gpu-backend", BACKEND or "opengl"]
 
 
 def test_disabled_the_preview_ends_and_enabled_it_is_there_again(program: Program) -> None:
