@@ -10,7 +10,6 @@ import sys
 
 ACCURACY, TIMINGS, SOLVING = "benchmarks.accuracy", "benchmarks.timings", "benchmarks.solving"
 SPECIAL: dict[str, tuple[str, str]] = {
-    "cg": (ACCURACY, "a CG object half behind things of a clip; --gloss: lacquer, --motion-blur: a shutter"),
     "completed": (ACCURACY, "a depth network's maps beside the clip's own depth, each alone and both"),
     "contact_sheet": (ACCURACY, "crops of the duck clip, as in the README (real data)"),
     "dense_depth": (ACCURACY, "depth maps against the truth, and their speckles"),

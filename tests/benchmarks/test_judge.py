@@ -27,10 +27,8 @@ from benchmarks.accuracy.cases import (
     BenchmarkCase,
     FromVideo,
     GroundTruth,
-    robust_line,
-    weighted_median,
 )
-from benchmarks.accuracy.judge import Judge, given_by
+from benchmarks.accuracy.judge import Judge
 from benchmarks.accuracy.methods import METHODS, Answer, with_layers
 from benchmarks.accuracy.plan import Part, stale
 from benchmarks.accuracy.rows import Row
@@ -148,15 +146,6 @@ def test_the_amount_of_blur_is_set_whatever_the_scale_of_the_solve(
     assert given.focus_depth == pytest.approx(7 * 4.5)
 
 
-def test_robust_line_and_weighted_median() -> None:
-    x = np.linspace(0, 1, 50)
-    y = 3 * x - 1
-    y[::10] += 50
-    assert robust_line(x, y) == pytest.approx((3, -1))
-    assert weighted_median(np.array([5.0, 1.0, 9.0]), np.array([1.0, 1.0, 5.0])) == 9.0
-    assert weighted_median(np.array([5.0, 1.0, 9.0]), np.ones(3)) == 5.0
-
-
 def test_a_refusal_is_a_row(tiny: Tiny, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(given: object, views: int) -> None:
         raise UserError("not with me")
@@ -268,12 +257,6 @@ def test_a_scene_of_the_benchmark_is_a_cut_of_the_sample_scene() -> None:
     assert short.judged(24) == (FRAMES // 2, FRAMES // 2 + 1)
 
 
-def test_only_scenes_with_subjects_have_mattes_given(tiny: Tiny) -> None:
-    assert given_by("T3", tiny) == "no person, animal or vehicle moves in this scene"
-    assert given_by("T4", tiny) == given_by("T3", tiny)
-    assert plan.tracks_of("stroller") == ("T1", "T2", "T3", "T4") and plan.tracks_of("bars") == ("T1", "T2")
-
-
 def test_tables_and_plots_tell_every_row(rows: dict[tuple[str, int], Row], tmp_path: Path) -> None:
     noisy = replace(rows["scatter", 0], noise_ceiling=1.0)
     refused = replace(rows["no blur", 0], psnr=None, note="no parallax", track="T2")
@@ -305,24 +288,6 @@ def test_the_summary_tells_how_far_it_is_from_the_thesis_to_the_oracle(
     assert "| 0.25 | 0.50 |" in last
 
 
-def test_an_oracle_spreads_a_point_over_its_disc() -> None:
-    picture = np.zeros((81, 81, 4), np.float32)
-    picture[..., 3] = 1
-    picture[40, 40, :3] = 100
-    layer = oracle.Layer(picture, np.full((81, 81), 1 / 4, np.float32))
-    layers = oracle.LayeredDepthImage((layer,), 10, (0, 0, 0))
-    # D = 2 R f |1/z - 1/zf| = 2 * 0.1 * 800 * |1/4 - 1/2| = 40 pixels
-    out = oracle.render(layers, focal=800, radius=0.1, focus=2.0, views=2000)
-    assert out.shape == (61, 61, 3)
-    assert out.sum() == pytest.approx(300, rel=1e-3)
-    y, x = np.mgrid[-30:31, -30:31]
-    weight = out[..., 0] / out[..., 0].sum()
-    # A disc's mean squared radius is half its radius squared.
-    assert (weight * (x**2 + y**2)).sum() == pytest.approx(20**2 / 2, rel=0.02)
-    sharp = oracle.render(layers, focal=800, radius=0.1, focus=4.0, views=16)
-    np.testing.assert_allclose(sharp, picture[10:71, 10:71, :3], atol=1e-3)
-
-
 def test_an_oracle_sees_behind_an_edge() -> None:
     behind = np.ones((64, 64, 4), np.float32)
     before = np.zeros((64, 64, 4), np.float32)
@@ -342,16 +307,6 @@ def test_an_oracle_sees_behind_an_edge() -> None:
     # Share of a disc to the left of a chord at distance d: 1/2 + (d sqrt(1-d^2) + asin d) / pi.
     d = (32 - (np.arange(24, 40) + 0.5)) / 10
     np.testing.assert_allclose(out[24:40], 0.5 + (d * np.sqrt(1 - d**2) + np.arcsin(d)) / np.pi, atol=0.02)
-
-
-def test_a_layers_depth_goes_on_around_it() -> None:
-    depth = np.full((20, 30), np.inf)
-    depth[5:10, 5:10] = 2.0
-    depth[5:10, 20:25] = 4.0
-    filled = oracle.extended(depth)
-    assert filled[7, 0] == filled[0, 7] == np.float32(0.5)
-    assert filled[19, 29] == np.float32(0.25)
-    assert (oracle.extended(np.full((4, 4), np.inf)) == 0).all()
 
 
 def test_a_layer_is_recorded_clipped_in_eight_bits() -> None:

@@ -16,11 +16,10 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.media.clip import open_footage
 from addon.core.media.light import to_linear
 from benchmarks import store
-from benchmarks.accuracy import metrics, report, subjects
+from benchmarks.accuracy import metrics, subjects
 from benchmarks.accuracy.cases import FromVideo, GroundTruth, TrueDepth
 from benchmarks.accuracy.judge import Judge
 from benchmarks.accuracy.mask_metrics import outline_band
-from benchmarks.accuracy.rows import Row
 from benchmarks.accuracy.scenes import Staged
 from sample_scenes import figure, filming, staging, truth
 from sample_scenes.shapes import box
@@ -91,78 +90,9 @@ def test_motion_follows_a_part_that_turns(built: list[bpy.types.Scene]) -> None:
     np.testing.assert_allclose(motion[:, :20], 0, atol=1e-9)
 
 
-def test_what_turns_in_place_moves() -> None:
-    still = Prop("still", box((1, 1, 1)), GREY, travel=np.ones((2, 3)), turn=figure.pitched([0.2, 0.2]))
-    assert not still.moves
-    assert replace(still, turn=figure.pitched([0.2, 0.3])).moves
-    assert replace(still, travel=np.array([[0.0, 0, 0], [0, 0, 1]])).moves
-
-
 def world(prop: Prop, frame: int) -> Floats:
     turn, place = prop.pose(frame)
     return np.asarray(prop.shape.vertices @ turn.T + place)
-
-
-@pytest.mark.parametrize("name", filming.SUBJECTS)
-def test_feet_stand_on_the_ground_and_do_not_slide(name: str) -> None:
-    stage = filming.load(name)
-    feet = [thing for thing in stage.things if thing.name.endswith(("shoe", "paw"))]
-    assert len(feet) == {"beast": 4, "crossing": 4}.get(name, 2)
-    stood = np.zeros(len(stage.cameras), int)
-    for foot in feet:
-        assert foot.travel is not None
-        places = [world(foot, frame) for frame in range(len(stage.cameras))]
-        lowest = np.array([place[:, 2].min() for place in places])
-        assert lowest.min() > -0.005, foot.name
-        down = foot.travel[:, 2] < foot.travel[:, 2].min() + 1e-6
-        assert 0.5 < down.mean() < 0.85, foot.name
-        np.testing.assert_allclose(lowest[down], 0, atol=1e-3, err_msg=foot.name)
-        step = np.linalg.norm(np.diff(foot.travel, axis=0), axis=1)
-        assert step[down[1:] & down[:-1]].max() < 1e-3, foot.name
-        stood += down
-    assert stood.min() >= len(feet) // 2
-
-
-@pytest.mark.parametrize("name", filming.SUBJECTS)
-def test_parts_hang_together(name: str) -> None:
-    stage = filming.load(name)
-    for subject in stage.subjects:
-        parts = [thing for thing in stage.things if thing.subject == subject]
-        for frame in (0, len(stage.cameras) // 3, len(stage.cameras) - 1):
-            points = [world(part, frame) for part in parts]
-            low, high = (np.array([f(p, axis=0) for p in points]) for f in (np.min, np.max))
-            touch = ((low[:, None] < high) & (low < high[:, None])).all(axis=-1)
-            reached = np.linalg.matrix_power(touch.astype(float), len(parts)) > 0
-            assert reached.all(), f"{subject}, frame {frame}"
-
-
-def test_the_pause_is_one() -> None:
-    stage = filming.load("pause")
-    first, last = 25, 45
-    for thing in (thing for thing in stage.things if thing.subject):
-        assert thing.travel is not None and thing.turn is not None
-        np.testing.assert_allclose(thing.travel[first : last + 1], thing.travel[[first]] * np.ones((21, 1)))
-        np.testing.assert_allclose(thing.turn[first], thing.turn[last], atol=1e-9)
-    hips = next(thing for thing in stage.things if thing.name == "walker's jacket").travel
-    assert hips is not None
-    assert np.linalg.norm(hips[first] - hips[0]) > 0.7
-    assert np.linalg.norm(hips[-1] - hips[last]) > 0.7
-
-
-def test_one_who_crosses_hides_the_other(built: list[bpy.types.Scene]) -> None:
-    stage = filming.load("crossing")
-    stage = replace(stage, cameras=stage.cameras.resized(64, 36))
-    built.append(staging.build(stage))
-    far = [i for i, thing in enumerate(stage.things) if thing.subject == "far"]
-    seen = [
-        np.isin(truth.geometry(built[0], frame).thing, far).sum() for frame in (1, 12, 20, 24, 28, 40, 55)
-    ]
-    assert min(seen[2:5]) < 0.5 * min(seen[0], seen[-2])
-
-
-def test_bones_that_are_too_short_are_refused() -> None:
-    with pytest.raises(ValueError, match="do not reach"):
-        figure.knee(np.zeros((1, 2)), np.array([[0.0, -1.0]]), 0.4, 0.4, 1)
 
 
 # Judged
@@ -198,16 +128,6 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tiny]:
     patch.undo()
     bpy.context.window.scene = before
     bpy.data.scenes.remove(scene.scene)
-
-
-def test_subjects_are_told_apart(tiny: Tiny) -> None:
-    both, near, far = (tiny.subject(3, name) for name in ("", "near", "far"))
-    assert both is not None and near is not None and far is not None
-    np.testing.assert_array_equal(both, near | far)
-    assert not (near & far).any()
-    assert near.sum() > far.sum() > 0
-    # A foot that is set down moves in none of so few frames.
-    assert not (tiny.moves(3) & ~both).any()
 
 
 def test_mattes_are_shares_of_pixels(tiny: Tiny) -> None:
@@ -257,14 +177,6 @@ def test_the_benchmark_scores_the_subjects_band(tiny: Tiny) -> None:
     scores = list(map(metrics.unbiased_psnr, pictures, seeds, bands))
     assert row.subject_psnr == pytest.approx(np.mean(scores))
     assert row.subject_rm == pytest.approx(metrics.rm(pictures, truths, bands))
-
-
-def test_only_scenes_with_subjects_have_columns_for_them() -> None:
-    row = Row("bars", "T1", "layers", 8, 32, 3, "", 40.0, psnr=30.0, cpu_s=1.0)
-    assert "subject" not in report.table("bars", [row])
-    shown = report.table("stroller", [replace(row, scene="stroller", subject_psnr=28.5, subject_rm=0.01)])
-    assert "| subject | subject RM |" in shown
-    assert "| 28.50 | 0.0100 |" in shown
 
 
 def given(tiny: Tiny, subject: str = "") -> subjects.Given:

@@ -68,39 +68,26 @@ WRONG = [
     (("--frames", "1-4:0"), "the frame step is 0"),
     (("--frames", ""), "frames '' are not valid"),
     (("--frames", "\u0661-\u0664"), "are not valid"),
-    (("--frames", LONG), "are not valid"),
     (("--frames", "3-1"), "no frames 3-1"),
-    (("--views", "\u00b2"), "'\u00b2' is not a whole number; it can also be auto"),
-    (("--views", "\u0663"), "is not a whole number"),
-    (("--views", "1_0"), "is not a whole number"),
-    (("--views", LONG), "give a number from 0 to 4096"),
+    (("--views", "1_0"), "'1_0' is not a whole number; it can also be auto"),
     (("--views", "1000000000"), "views cannot be 1000000000; give a number from 0 to 4096"),
     (("--views", "9" * 5000), "is not a whole number"),
-    (("--seed", "2147483648"), "give a number from 0 to 2147483647"),
-    (("--seed", "-1"), "seed cannot be -1"),
+    (("--seed", "-1"), "seed cannot be -1; give a number from 0 to 2147483647"),
     (("--focus-point", LONG), "is not from 0 to"),
     (("--focus-plane", "1", "2", LONG), "is not from 0 to"),
     (("--focus-distance", "1e-300"), "too small"),
     (("--focus-at", f"0.5,0.5@{LONG}"), "frame"),
     (("--focus-at", "nan,0.5"), "is not valid"),
     (("--aperture", "image="), "name is empty"),
+    (("--aperture", "blades=1_0"), "is not a whole number"),
     (("--jobs", "1000000000"), "is not from 1 to 1000"),
-    *((("--aperture", f"blades={value}"), "is not a whole number") for value in NO_NUMBERS),
-    *((("--aperture", f"{key}={value}"), "is not a number")
-      for key in ("rotation", "roundness", "ratio", "obstruction", "apodisation",
-                  "spherical_aberration", "vignetting", "axial_colour", "swirl", "field_curvature", "coma",
-                  "anamorphic_focus", "lateral_colour", "matte_box_sides", "matte_box_top", "breathing")
-      for value in NO_NUMBERS),
-    *((("--" + name, value), "is not a number")
-      for name in ("focus-distance", "tilt", "swing", "blur", "aperture-radius",
-                   "highlight-threshold")
-      for value in NO_NUMBERS),
-    *((("--highlights", value), "is not a number; it can also be off") for value in NO_NUMBERS),
-    *((("--" + name, value), "")
-      for name in ("focus-distance", "blur", "aperture-radius", "highlights",
-                   "highlight-threshold")
-      for value in ("-1", "1e39")),
+    (("--highlights", "nan"), "is not a number; it can also be off"),
+    (("--highlight-threshold", "-1"), ""),
+    (("--blur", "1e39"), ""),
+    *((("--tilt", value), "is not a number") for value in NO_NUMBERS),
+    *((("--aperture", f"coma={value}"), "is not a number") for value in NO_NUMBERS),
 ]  # fmt: skip
+"""Each parser with what it refuses; those of plain numbers and of the aperture's with every kind of word."""
 
 
 @pytest.mark.parametrize(("words", "why"), WRONG)
@@ -112,8 +99,17 @@ def test_a_number_that_means_nothing_is_refused(
     assert not out.parent.exists()
 
 
-@pytest.mark.parametrize("name", ["focal", "focal35", "fov", "focal-mm", "sensor-mm"])
-@pytest.mark.parametrize("value", ["nan", "inf", "-1", "", "1e400", "1_0", "\u0661", "0", "1e-300"])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("focal", "nan"),
+        ("focal", "0"),
+        ("focal35", "-1"),
+        ("fov", "1e-300"),
+        ("focal-mm", ""),
+        ("sensor-mm", "inf"),
+    ],
+)
 def test_a_focal_length_that_means_nothing_is_refused(
     work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, value: str
 ) -> None:
@@ -159,8 +155,9 @@ def nowhere(path: Path) -> None:
     path.symlink_to("is/not/there")
 
 
-@pytest.mark.parametrize("made", [folder, loop, nowhere, os.mkfifo])
-@pytest.mark.parametrize("place", ["o.mp4", "0002.png", "r.json"])
+@pytest.mark.parametrize(
+    ("made", "place"), [(folder, "o.mp4"), (loop, "0002.png"), (os.mkfifo, "0002.png"), (nowhere, "r.json")]
+)
 def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], made: Callable[[Path], None], place: str
 ) -> None:
@@ -172,8 +169,9 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     assert [path.name for path in tmp_path.iterdir()] == [place]
 
 
-@pytest.mark.parametrize("made", [Path.touch, loop, nowhere])
-@pytest.mark.parametrize("place", ["o.mp4.frames", "there"])
+@pytest.mark.parametrize(
+    ("made", "place"), [(Path.touch, "o.mp4.frames"), (loop, "there"), (nowhere, "there")]
+)
 def test_a_folder_that_cannot_be_one_is_refused_before_the_work(
     work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], made: Callable[[Path], None], place: str
 ) -> None:
