@@ -20,6 +20,8 @@ from addon.core.warp import clipped_blobs as blobs
 from addon.core.warp.highlights import lamps
 from benchmarks.night_street import NightStreet
 
+from ..variants import combined
+
 STREET = NightStreet((320, 180), 12, 60)
 FRAME = 6
 
@@ -68,8 +70,7 @@ def test_what_other_frames_tell_is_kept_too(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("kind", ["lost", "lamps"])
-@pytest.mark.parametrize("damage", ["cut", "noise", "other"])
+@pytest.mark.parametrize(("kind", "damage"), combined(["lost", "lamps"], ["cut", "noise", "other"]))
 def test_a_damaged_file_is_not_there(tmp_path: Path, kind: str, damage: str) -> None:
     street(Store(tmp_path, lambda: "a")).picture(FRAME, RESTORED)
     files = sorted(tmp_path.rglob("*.npz"))

@@ -13,6 +13,7 @@ from addon.core.media.clip import open_footage
 from addon.core.media.fixed_area import FixedArea, fixed_area
 
 from ..scenes import texture
+from ..variants import combined
 
 SIZE = (320, 180)
 COUNT = 24
@@ -82,22 +83,20 @@ def found_in(frames: list[np.ndarray], path: Path, crf: int = 23) -> FixedArea |
         footage.close()
 
 
-@pytest.mark.parametrize(
-    ("colour", "gain", "crf"),
-    [
-        (BLACK, 1.0, 18), (BLACK, 0.35, 28), ((16, 16, 16), 1.0, 28), ((40, 40, 40), 1.0, 23),
-        ((255, 255, 255), 0.35, 28), ((160, 40, 90), 1.0, 18),
-    ],
-    ids=str,
-)  # fmt: skip
-@pytest.mark.parametrize(
-    "sides",
-    [(22, 22, 0, 0), (17, 31, 0, 0), (0, 0, 40, 40), (12, 20, 30, 26), (0, 27, 0, 0), (0, 0, 33, 0)],
-    ids=str,
-)
+SIDES = [(22, 22, 0, 0), (17, 31, 0, 0), (0, 0, 40, 40), (12, 20, 30, 26), (0, 27, 0, 0), (0, 0, 33, 0)]
+"""Widths of bars at the top, the bottom, the left and the right."""
+BARS = [
+    (BLACK, 1.0, 18), (BLACK, 0.35, 28), ((16, 16, 16), 1.0, 28), ((40, 40, 40), 1.0, 23),
+    ((255, 255, 255), 0.35, 28), ((160, 40, 90), 1.0, 18),
+]  # fmt: skip
+"""Their colour, the brightness of the picture between them, and x264's quality."""
+
+
+@pytest.mark.parametrize(("sides", "bars"), combined(SIDES, BARS))
 def test_bars_are_found_to_a_pixel(
-    sides: tuple[int, int, int, int], colour: tuple[int, ...], gain: float, crf: int, tmp_path: Path
+    sides: tuple[int, int, int, int], bars: tuple[tuple[int, ...], float, int], tmp_path: Path
 ) -> None:
+    colour, gain, crf = bars
     found = found_in(barred(moving(gain), *sides, colour), tmp_path / "clip.mp4", crf)
     assert found is not None
     top, bottom, left, right = sides

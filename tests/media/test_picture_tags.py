@@ -20,6 +20,7 @@ from addon.core.media.masks import open_masks
 from addon.scene.base import exr as blender_exr
 
 from ..tagged_pictures import MODES, encoded, exr, sequence, with_chunks
+from ..variants import combined
 
 KINDS = [(suffix, mode) for suffix, modes in MODES.items() for mode in modes]
 
@@ -41,9 +42,9 @@ def eight_bits(picture: np.ndarray) -> np.ndarray:
     return picture >> 8 if picture.dtype == np.uint16 else picture
 
 
-@pytest.mark.parametrize("orientation", range(1, 9))
-@pytest.mark.parametrize(("suffix", "mode"), KINDS, ids=lambda each: str(each))
-def test_pictures_are_shown_upright(tmp_path: Path, suffix: str, mode: str, orientation: int) -> None:
+@pytest.mark.parametrize(("kind", "orientation"), combined(KINDS, range(1, 9)))
+def test_pictures_are_shown_upright(tmp_path: Path, kind: tuple[str, str], orientation: int) -> None:
+    suffix, mode = kind
     data = encoded(suffix, mode, orientation)
     clip = open_footage(sequence(tmp_path / "clip", data, suffix))
     expected = shown(data, mode)
@@ -110,8 +111,9 @@ def test_pixels_become_square(tmp_path: Path, kind: str) -> None:
         assert clip.stored_size == (48, 32)
 
 
-@pytest.mark.parametrize("kind", [*RATIO_KINDS, "video", "wrong video"])
-@pytest.mark.parametrize("ratio", [0.5, 1.0, 1.33, 2.0])
+@pytest.mark.parametrize(
+    ("kind", "ratio"), combined([*RATIO_KINDS, "video", "wrong video"], [0.5, 1.0, 1.33, 2.0])
+)
 def test_the_user_s_ratio_comes_first(tmp_path: Path, kind: str, ratio: float) -> None:
     if kind.endswith("video"):
         path, wide = video(tmp_path / "clip.mp4", kind == "wrong video")

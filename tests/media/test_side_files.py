@@ -15,6 +15,8 @@ from addon.core.depth.user_maps import open_depth
 from addon.core.media.clip import Footage, FrameRange, open_footage
 from addon.core.media.masks import open_masks
 
+from ..variants import combined
+
 COUNT = 24
 SIZE = 32, 18
 UNCLEAR = "it is not clear which they belong to"
@@ -46,9 +48,10 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Footage:
     return open_footage(write_video(tmp_path_factory.mktemp("video") / "clip.mp4", COUNT, 24))
 
 
-@pytest.mark.parametrize("first", [0, 1])
-@pytest.mark.parametrize("count", [12, 15, COUNT - 3, 2 * COUNT, COUNT + 3])
-@pytest.mark.parametrize("packed", [False, True], ids=["folder", "zip"])
+@pytest.mark.parametrize(
+    ("first", "count", "packed"),
+    combined([0, 1], [12, 15, COUNT - 3, 2 * COUNT, COUNT + 3], {"folder": False, "zip": True}),
+)
 def test_maps_at_another_rate_are_refused(
     clip: Footage, video: Footage, tmp_path: Path, first: int, count: int, packed: bool
 ) -> None:

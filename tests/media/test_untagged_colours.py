@@ -14,6 +14,8 @@ from addon.core.base.errors import UserError
 from addon.core.media.clip import open_footage
 from addon.core.media.video_frame import upright
 
+from ..variants import combined
+
 KR_KB = {
     "BT.709": (0.2126, 0.0722), "FCC": (0.30, 0.11), "BT.601": (0.299, 0.114), "SMPTE 240M": (0.212, 0.087),
     "BT.2020": (0.2627, 0.0593),
@@ -65,8 +67,7 @@ def by_rows(size: tuple[int, int]) -> str:
     return "BT.709" if size[1] >= 720 else "BT.601"
 
 
-@pytest.mark.parametrize("pixels", FORMATS)
-@pytest.mark.parametrize("tag", [UNTAGGED, 3, *TAGS])
+@pytest.mark.parametrize(("pixels", "tag"), combined(FORMATS, [UNTAGGED, 3, *TAGS]))
 def test_colours_are_those_of_the_tag_or_of_the_rows(pixels: str, tag: int) -> None:
     """Over depths, subsampling, tags, ranges and sizes, for colours drawn at random."""
     random = np.random.default_rng(tag)
@@ -86,8 +87,7 @@ def test_colours_are_those_of_the_tag_or_of_the_rows(pixels: str, tag: int) -> N
             )
 
 
-@pytest.mark.parametrize("pixels", ["yuvj420p", "yuvj422p", "yuvj444p"])
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(("pixels", "size"), combined(["yuvj420p", "yuvj422p", "yuvj444p"], SIZES))
 def test_full_range_by_its_format(pixels: str, size: tuple[int, int]) -> None:
     found = shown(plain(size, pixels, (110, 90, 160), UNTAGGED, 0))
     np.testing.assert_allclose(found, truth((110, 90, 160), 8, by_rows(size), True), atol=COARSE)

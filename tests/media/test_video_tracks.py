@@ -37,6 +37,7 @@ from benchmarks.odd_tracks import (
 )
 
 from ..scenes import slanted_plane
+from ..variants import combined
 
 FRAMES = [corners()] * 3
 NEAR = 12
@@ -112,7 +113,10 @@ def steady(count: int, rate: float = 25.0) -> list[float]:
     return [number / rate for number in range(count)]
 
 
-TRACKS = {
+type Shown = tuple[list[float], bool]
+"""When a track's picture is shown, in seconds, and whether the track is a default one."""
+
+TRACKS: dict[str, tuple[Shown, Shown, int]] = {
     "a phone's stills during the clip": ((steady(53), True), ([0.0, 52 / 25], True), 0),
     "a still that is held far longer": ((steady(12), False), ([0.0, 8.0], True), 0),
     "one frame, not marked as a cover": ((steady(12), False), ([0.0], True), 0),
@@ -125,13 +129,13 @@ TRACKS = {
 }
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv", ".webm"])
-@pytest.mark.parametrize("case", TRACKS)
-@pytest.mark.parametrize("is_turned", [False, True])
+@pytest.mark.parametrize(
+    ("case", "suffix", "is_turned"), combined(TRACKS, [".mp4", ".webm", ".mov", ".mkv"], [False, True])
+)
 def test_the_longest_track_that_moves_is_read(
-    tmp_path: Path, case: str, suffix: str, is_turned: bool
+    tmp_path: Path, case: tuple[Shown, Shown, int], suffix: str, is_turned: bool
 ) -> None:
-    *both, wanted = TRACKS[case]
+    both, wanted = case[:2], case[2]
     tracks = [(picture, *each) for picture, each in zip((SMALL, LARGE), both, strict=True)]
     path = two_tracks(tmp_path / f"a{suffix}", tracks[::-1] if is_turned else tracks)
     footage = open_footage(path)

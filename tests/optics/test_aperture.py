@@ -12,6 +12,8 @@ from addon.core.base.options import options_of
 from addon.core.optics.aperture import Aperture, ApertureImage, ApertureSamples, aperture_samples
 from addon.core.optics.aperture_sampling import centroidal_disc
 
+from ..variants import combined
+
 SIZE = 400
 
 
@@ -51,8 +53,7 @@ def dense(shape: Aperture) -> tuple[np.ndarray, np.ndarray]:
     return np.column_stack([x.ravel(), y.ravel()]), shape.light(x, y).ravel()
 
 
-@pytest.mark.parametrize("count", [8, 24, 64, 200])
-@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+@pytest.mark.parametrize(("shape", "count"), combined(SHAPES, [8, 24, 64, 200]))
 def test_views_have_the_moments_of_the_light(shape: Aperture, count: int) -> None:
     samples = aperture_samples(shape, count)
     assert samples.weights is not None

@@ -27,6 +27,7 @@ from addon.render.views.gpu_views import gpu_problem
 from sample_scenes import cycles_views
 
 from ..scenes import psnr, slanted_plane, texture
+from ..variants import combined
 
 needs_gpu = pytest.mark.skipif(bool(gpu_problem()), reason="only CI is sure to have a GPU driver")
 SIZE = (192, 108)
@@ -116,8 +117,7 @@ def error(mean: Map, true: Map) -> float:
 
 
 @needs_gpu
-@pytest.mark.parametrize("is_behind", [True, False], ids=["behind", "before"])
-@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+@pytest.mark.parametrize(("shape", "is_behind"), combined(SHAPES, {"behind": True, "before": False}))
 def test_a_plane_out_of_focus_is_convolved_with_the_shape(shape: Aperture, is_behind: bool) -> None:
     frame = meshed(shape, *((FAR, NEAR) if is_behind else (NEAR, FAR)), BY_VIEWS)
     true = convolved(shape, is_behind)
@@ -131,8 +131,7 @@ def test_a_plane_out_of_focus_is_convolved_with_the_shape(shape: Aperture, is_be
 
 
 @needs_gpu
-@pytest.mark.parametrize("is_behind", [True, False], ids=["behind", "before"])
-@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+@pytest.mark.parametrize(("shape", "is_behind"), combined(SHAPES, {"behind": True, "before": False}))
 def test_few_views_draw_lamps_as_the_shape(shape: Aperture, is_behind: bool) -> None:
     mean = draw_mean(meshed(shape, *((FAR, NEAR) if is_behind else (NEAR, FAR))).through(12))
     true = convolved(shape, is_behind)

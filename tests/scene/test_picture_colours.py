@@ -20,6 +20,7 @@ from addon.scene.sources.colour_space import image_space, space_of
 
 from ..media.colour_curves import REC_709, REC_2020, WHITE, hlg, pq, to_xyz
 from ..tagged_pictures import exr, sequence, with_chunks, with_profile
+from ..variants import combined
 
 STORED = np.random.default_rng(0).integers(0, 65536, (16, 16, 3)).astype(np.uint16)
 PNG = cv2.imencode(".png", STORED[..., ::-1])[1].tobytes()
@@ -125,8 +126,10 @@ def to_709(primaries: tuple[tuple[float, float], ...]) -> np.ndarray:
     return np.asarray(np.linalg.inv(to_xyz(REC_709)) @ to_xyz(primaries))
 
 
-@pytest.mark.parametrize("value", [100_000, 55_556, 50_000, 38_462, 45_455, 0])
-@pytest.mark.parametrize("primaries", [None, REC_709, P3, ADOBE, REC_2020])
+@pytest.mark.parametrize(
+    ("value", "primaries"),
+    combined([100_000, 55_556, 50_000, 38_462, 45_455, 0], [None, REC_709, P3, ADOBE, REC_2020]),
+)
 def test_gamma_and_chromaticities(
     scene: bpy.types.Scene, tmp_path: Path, value: int, primaries: tuple[tuple[float, float], ...] | None
 ) -> None:
@@ -207,8 +210,7 @@ RGB_PROFILES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif"])
-@pytest.mark.parametrize("kind", RGB_PROFILES)
+@pytest.mark.parametrize(("suffix", "kind"), combined([".png", ".jpg", ".tif"], RGB_PROFILES))
 def test_profiles_mean_what_they_do_in_littlecms(
     scene: bpy.types.Scene, tmp_path: Path, kind: str, suffix: str
 ) -> None:

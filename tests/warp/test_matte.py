@@ -26,6 +26,7 @@ from addon.core.warp.matting import corrected
 from addon.render.views import gpu_views
 
 from ..scenes import texture
+from ..variants import combined
 
 SIZE = (160, 200)
 FINE = 8
@@ -114,8 +115,10 @@ def psnr_in_band(picture: Map, true: Map) -> float:
     return float(-10 * np.log10(np.mean((picture - true)[band] ** 2)))
 
 
-@pytest.mark.parametrize("hidden", [None, the_wall], ids=["made up", "seen by others"])
-@pytest.mark.parametrize("focus", [NEAR, FAR], ids=["hair in focus", "wall in focus"])
+@pytest.mark.parametrize(
+    ("focus", "hidden"),
+    combined({"wall in focus": FAR, "hair in focus": NEAR}, {"made up": None, "seen by others": the_wall}),
+)
 def test_hair_with_a_soft_matte_is_nearer_to_a_real_lens(focus: float, hidden: HiddenColours | None) -> None:
     true = np.mean([seen(*offset, focus) for offset in vogel_disc(VIEWS)], axis=0)
     hard, soft = (
