@@ -14,7 +14,7 @@ from addon.core.media.exr_file import write_exr
 from addon.core.media.light import to_linear
 
 from ..command_line import done, here
-from ..exr import channels
+from ..pictures import channels
 from .known_planes import LENS, import_planes
 
 LOOK = ("--focus-distance", 6, "--aperture-radius", 0.25, "--highlights", "off")

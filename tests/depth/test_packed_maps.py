@@ -19,8 +19,8 @@ from addon.core.media.clip_identity import clip_digest
 from addon.core.media.copying import copy_pictures
 from addon.scene.base import exr
 
-from ..exr_files import one_channel
 from ..map_fits import fitted
+from ..pictures import one_channel
 
 WIDTH, HEIGHT, COUNT = 48, 30, 6
 

@@ -13,7 +13,7 @@ from addon.core.media.clip import FrameRange, open_footage
 from addon.core.media.light import BRIGHTEST, decode_srgb, encode_srgb, finite, to_gray8, to_linear
 from addon.core.media.picture_file import decode_picture
 
-from ..exr_files import of_channels
+from ..pictures import of_channels
 
 
 def numbered_picture(number: int, width: int = 64, height: int = 48) -> np.ndarray:

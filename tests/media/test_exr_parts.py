@@ -18,8 +18,7 @@ from addon.core.media.picture_file import decode_picture, open_picture, read_pic
 from addon.scene.base import exr
 from addon.scene.build import _background_problem, build
 
-from ..exr import channels
-from ..exr_files import of_channels
+from ..pictures import channels, of_channels
 from ..scenes import LENS, slanted_shot
 
 VALUES = np.arange(12.0).reshape(3, 4) + 1

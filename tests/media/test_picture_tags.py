@@ -19,7 +19,7 @@ from addon.core.media.clip import Footage, open_footage
 from addon.core.media.masks import open_masks
 from addon.scene.base import exr as blender_exr
 
-from ..tagged_pictures import MODES, encoded, exr, sequence, with_chunks
+from ..pictures import MODES, encoded, exr, sequence, with_chunks
 from ..variants import combined
 
 KINDS = [(suffix, mode) for suffix, modes in MODES.items() for mode in modes]

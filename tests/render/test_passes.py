@@ -13,7 +13,7 @@ from addon.scene import passes
 from addon.scene.build import build
 from addon.scene.sources.shot import reconstruction_of
 
-from ..exr import channels
+from ..pictures import channels
 from ..scenes import slanted_shot
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)

@@ -30,7 +30,7 @@ from addon.scene.passes import NAME, add_grade_nodes
 from benchmarks.torture import clip
 
 from ..command_line import done
-from ..exr import channels
+from ..pictures import channels
 from ..scenes import psnr, slanted_plane, slanted_shot, texture
 
 needs_gpu = pytest.mark.skipif(bool(gpu_problem()), reason="only CI is sure to have a GPU driver")

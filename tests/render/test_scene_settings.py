@@ -19,7 +19,7 @@ from addon.scene.ignored import ignored
 
 from ..command_line import done, here
 from ..conftest import Shared
-from ..exr import channels
+from ..pictures import channels
 from ..scenes import LENS, slanted_plane, slanted_shot, write_plane
 from ..slanted_clip import LENS_OPTIONS, keep
 

@@ -19,7 +19,7 @@ from addon.core.media.light import encode_srgb, to_linear
 from addon.scene.sources.colour_space import image_space, space_of
 
 from ..media.colour_curves import REC_709, REC_2020, WHITE, hlg, pq, to_xyz
-from ..tagged_pictures import exr, sequence, with_chunks, with_profile
+from ..pictures import exr, sequence, with_chunks, with_profile
 from ..variants import combined
 
 STORED = np.random.default_rng(0).integers(0, 65536, (16, 16, 3)).astype(np.uint16)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from .. import planes
-from ..tagged_pictures import with_chunks
+from ..pictures import with_chunks
 
 
 def rolling(folder: Path, tagged: bool) -> Path:
