@@ -41,7 +41,7 @@ def main(arguments: list[str]) -> int:
 def _prepare() -> None:
     _load_folder()
     # Before Blender loads NumPy.
-    for name, value in importlib.import_module(f"{PACKAGE}.core.base.job").ONE_BLAS_THREAD.items():
+    for name, value in importlib.import_module(f"{PACKAGE}.core.base.worker").ONE_BLAS_THREAD.items():
         os.environ.setdefault(name, value)
     # Before Blender loads NumPy, which may be another.
     importlib.import_module(f"{PACKAGE}.core.base.system").check_libraries()

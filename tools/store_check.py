@@ -47,7 +47,7 @@ OTHERS = {"addon_utils", "distro", "psutil", "winreg"}
 FINDERS = {"shutil.which", "os.startfile", "os.system", "subprocess.getoutput", "subprocess.getstatusoutput"}
 """Calls that find programs, or start them by the system's shell."""
 STARTERS = {f"subprocess.{name}" for name in ("Popen", "call", "check_call", "check_output", "run")}
-JOB = "addon/core/base/job.py"
+WORKER = "addon/core/base/worker.py"
 """The one module that starts processes, which are the add-on's own."""
 INSTALLERS = {"ensurepip", "pip", "site", "sysconfig", "venv", "zipimport", "runpy"}
 CODE = {"__import__", "compile", "eval", "exec"}
@@ -178,7 +178,7 @@ def others(package: Package) -> Iterator[str]:
     """No updater, and nothing finds, starts or changes other add-ons and programs"""
     yield from package.imports(OTHERS)
     yield from package.calls(FINDERS)
-    yield from (place for place in package.calls(STARTERS) if not place.startswith(f"{JOB}:"))
+    yield from (place for place in package.calls(STARTERS) if not place.startswith(f"{WORKER}:"))
     for place, node in package.nodes(ast.Attribute):
         if re.search(r"\bops\.(extensions|preferences|script)\.", ast.unparse(node) + "."):
             yield f"{place} uses {ast.unparse(node)}"

@@ -8,10 +8,10 @@ import bpy
 from ..core.base.atomic import temporary_folder
 from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError
-from ..core.base.job import Job
 from ..core.base.messages import Warned, send
 from ..core.base.streams import say
 from ..core.base.time_left import Clock
+from ..core.base.worker import Worker
 from ..core.media.clip import FrameRange
 from ..core.sfm.workspace import Solve, load_solve
 from ..core.subjects.steadiness import jumps
@@ -137,9 +137,9 @@ def _side_by_side(
         blend = scratch / "scene.blend"
         launcher.write_blend(blend)
 
-        def start(job: Job, share: Sequence[int], number: int) -> None:
+        def start(worker: Worker, share: Sequence[int], _number: int) -> None:
             words = ["depth", blend, "--jobs", 1, "--frames", f"{share[0]}-{share[-1]}:{step}"]
-            launcher.start(job, scratch / f"job-{number}.json", words, one_thread=True)
+            launcher.start(worker, words, one_thread=True)
 
         def here(share: Sequence[int], done: Callable[[int], None]) -> None:
             if problem := _one_by_one(shot, share, done):

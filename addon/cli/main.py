@@ -15,9 +15,9 @@ from ..core.base import memory, streams
 from ..core.base.atomic import collect_temporary, temporary_folder
 from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError, Words
-from ..core.base.job import Job, end_all
 from ..core.base.messages import Failure, Progress, Result, Warned, send
 from ..core.base.streams import say, say_to
+from ..core.base.worker import Worker, end_all
 from ..core.media.clip import Footage, FrameRange, describe
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
@@ -53,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
     top.set_defaults(words=WORDS)
     common = Parser(add_help=False)
     common.add_argument("--debug", action="store_true", help="show a traceback with errors")
-    # Arguments that only a job's file has.
+    # Arguments that only a parent process has.
     common.set_defaults(child=False, scene="", scripts=False, as_is=False)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
     solve.add_commands(commands, common)
@@ -275,13 +275,12 @@ def _side_by_side(
             write_blend(blend)
             reports = [scratch / f"report-{number}.json" for number in range(count)]
 
-            def start(job: Job, frames: Sequence[int], number: int) -> None:
+            def start(worker: Worker, frames: Sequence[int], number: int) -> None:
                 words = ["render", blend, "--jobs", 1, "--out", out]
                 words += ["--frames", f"{frames[0]}-{frames[-1]}:{step}"]
                 words += ["--for-movie"] * is_movie + ["--overwrite"] * (is_movie or options.overwrite)
                 words += ["--report", reports[number]] if options.report else []
-                file = scratch / f"job-{number}.json"
-                launcher.start(job, file, words, scene.name, one_thread=True, as_is=options.as_is)
+                launcher.start(worker, words, scene.name, one_thread=True, as_is=options.as_is)
 
             try:
                 jobs.render_side_by_side(todo, count, start, here, done, report)
@@ -346,8 +345,8 @@ def run_command(arguments: list[str]) -> int:
     before = {number: signal.signal(number, _interrupt) for number in _ending()}
     try:
         collect_temporary()
-        is_job = arguments[:1] == [JOB]
-        options = read_job(Path(arguments[1]), parser()) if is_job else parser().parse_args(arguments)
+        is_job = arguments == [JOB]
+        options = read_job(parser()) if is_job else parser().parse_args(arguments)
         words = options.words
         options.command(options)
         _check_interrupted()

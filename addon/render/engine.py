@@ -28,7 +28,7 @@ from ..scene.lens.lens import frame_options
 from ..scene.sources.hdr_view import WAYS_OUT, lost
 from ..scene.sources.shot import Shot, shot_of
 from .cg.cg_process import draw_cg
-from .processes.frames_ahead import frame_ahead
+from .processes.frames_ahead import DrawnFrame, frame_ahead
 from .viewport.pictures import FIRST, Wanted, has_depth, make_picture
 from .viewport.viewport import PREVIEW, Shown, draw, update
 from .views import frame_notes
@@ -208,7 +208,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
                 self.watch.notes.append(text)
 
         if self.is_animation and self.watch.on_frame is None:
-            drawn = frame_ahead(scene, number, size[0] * size[1])
+            drawn = frame_ahead(scene, number, size[0] * size[1], draw_alone)
             if drawn is not None:
                 for text in drawn.notes:
                     note(text)
@@ -301,3 +301,22 @@ def lens_of(scene: bpy.types.Scene, size: tuple[int, int]) -> tuple[Shot, int, F
     if problem := shape_problem(size, shot.size(frame)):
         raise UserError(problem)
     return shot, frame, frame_options(scene.virtual_aperture, shot.reconstruction)
+
+
+def draw_alone(name: str, frame: int) -> DrawnFrame:
+    """Draw a frame of a scene, by the scene's number, in a process that draws ahead of another one.
+
+    Raises:
+        UserError: It cannot be drawn.
+    """
+    scene = bpy.data.scenes[name]
+    scene.frame_set(frame)
+    with watched() as watch:
+        watch.pictures = pictures = dict[str, LinearRGBA]()
+        try:
+            bpy.ops.render.render(scene=name)
+        except RuntimeError as error:
+            watch.raise_error()
+            raise UserError(str(error).strip()) from error
+        watch.check_drawn()
+        return DrawnFrame(pictures, tuple(watch.notes))

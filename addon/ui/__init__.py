@@ -5,7 +5,7 @@
 
 import bpy
 
-from ..core.base.job import end_all
+from ..core.base.worker import end_all
 from ..render import engine
 from ..render.cg import cg_process
 from ..render.output import background

@@ -1,12 +1,13 @@
 """Trackers that the product's two are compared with, and a solving worker that uses one of them.
 
-`python -m benchmarks.solving.trackers NAME JOB.json` solves as `addon.core.sfm.worker` does.
+`python -m benchmarks.solving.trackers NAME FOLDER` solves as `addon.core.sfm.worker` does.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -70,8 +71,8 @@ NAMES = (*TRACKERS, "sift")
 """All that are compared; the last is the product's own for fast motion."""
 
 
-def main(name: str, job: str) -> int:
-    """Solve a job by a tracker in place of the product's first."""
+def main(name: str, folder: str) -> int:
+    """Solve into a folder by a tracker in place of the product's first."""
 
     def track(footage: Footage, progress: Progress, watch: Watch = lambda *_: None) -> Tracks:
         if name == "sift":
@@ -79,7 +80,7 @@ def main(name: str, job: str) -> int:
         return run(TRACKERS[name](), footage, progress, watch)
 
     vars(worker)["track_features"] = track
-    return worker.main(job)
+    return worker.main(Path(folder))
 
 
 if __name__ == "__main__":

@@ -10,17 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from addon.core.base.calls import Caller, Ended, Failed
+from addon.core.base.calls import Failed
 from addon.core.base.errors import UserError
-from addon.core.base.job import Job, end
 from addon.core.base.progress import Cancelled
+from addon.core.base.worker import Ended, Worker, end
 from addon.core.media.clip import describe, open_footage
 
 from ..waiting import until
 
 SERVE = """
-import sys
-from pathlib import Path
 from addon.core.base import calls, messages, progress
 def wait():
     with progress.stage("Waiting", 0.25, 0.25):
@@ -30,18 +28,18 @@ def wait():
 calls.wait = wait
 wait.__module__ = calls.__name__
 messages.speak()
-calls.serve(Path(sys.argv[1]))
+calls.serve()
 """
 """A process that also has a function which ends when it is cancelled."""
 
 
 @pytest.fixture
-def caller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Caller]:
+def worker(monkeypatch: pytest.MonkeyPatch) -> Iterator[Worker]:
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).resolve().parents[2]))
-    job = Job("helper")
-    job.start([sys.executable, "-c", SERVE, str(tmp_path)], environment=os.environ)
-    yield Caller(job, tmp_path)
-    end([job])
+    worker = Worker("helper")
+    worker.start([sys.executable, "-c", SERVE], environment=os.environ)
+    yield worker
+    end([worker])
 
 
 def wait() -> None:
@@ -58,19 +56,19 @@ def waits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(calls, "wait", wait, raising=False)
 
 
-def test_calls_are_answered_in_order(caller: Caller, tmp_path: Path) -> None:
-    first, second = caller.call(partial(describe, (7,))), caller.call(partial(describe, (1, 2, 3)))
-    until(lambda: caller.poll() is None and second.ended)
+def test_calls_are_answered_in_order(worker: Worker) -> None:
+    first, second = worker.call(partial(describe, (7,))), worker.call(partial(describe, (1, 2, 3)))
+    until(lambda: worker.poll() is not None and second.ended)
     assert first.ended and (first.result(), second.result()) == ("frame 7", "frames 1 to 3")
-    assert caller.is_idle and not [path for path in tmp_path.iterdir() if path.is_file()]
+    assert not worker.calls and not [*worker.folder.iterdir()]
 
 
-def test_errors_come_back(caller: Caller, tmp_path: Path) -> None:
+def test_errors_come_back(worker: Worker, tmp_path: Path) -> None:
     missing, bug = (
-        caller.call(partial(open_footage, tmp_path / "gone.mp4")),
-        caller.call(partial(describe, 7)),
+        worker.call(partial(open_footage, tmp_path / "gone.mp4")),
+        worker.call(partial(describe, 7)),
     )
-    until(lambda: caller.poll() is None and bug.ended)
+    until(lambda: worker.poll() is not None and bug.ended)
     with pytest.raises(UserError, match="does not exist"):
         missing.result()
     with pytest.raises(Failed) as caught:
@@ -79,34 +77,34 @@ def test_errors_come_back(caller: Caller, tmp_path: Path) -> None:
     assert text.startswith("TypeError: ") and "in describe" in trace
 
 
-def test_a_cancelled_call_ends_before_the_next(caller: Caller, waits: None, tmp_path: Path) -> None:
-    first, second, third = caller.call(wait), caller.call(wait), caller.call(partial(describe, (1,)))
-    until(lambda: caller.poll() is None and first.shown and first.share)
+def test_a_cancelled_call_ends_before_the_next(worker: Worker, waits: None) -> None:
+    first, second, third = worker.call(wait), worker.call(wait), worker.call(partial(describe, (1,)))
+    until(lambda: worker.poll() is not None and first.shown and first.share)
     assert (first.shown, first.stage, first.share, first.ended) == (["begun"], "Waiting", 0.25, False)
     first.cancel()
     second.cancel()
-    until(lambda: caller.poll() is None and third.ended)
+    until(lambda: worker.poll() is not None and third.ended)
     assert third.result() == "frame 1" and second.shown == []
-    assert not [path for path in tmp_path.iterdir() if path.is_file()]
+    assert not [*worker.folder.iterdir()]
     for each in (first, second):
         with pytest.raises(Cancelled):
             each.result()
 
 
-def test_the_end_of_the_process_ends_its_calls(caller: Caller, waits: None) -> None:
-    calls = [caller.call(wait), caller.call(wait)]
-    until(lambda: caller.poll() is None and calls[0].shown)
-    assert caller.job.process is not None
-    caller.job.process.kill()
-    until(lambda: caller.poll() is None and calls[1].ended)
+def test_the_end_of_the_process_ends_its_calls(worker: Worker, waits: None) -> None:
+    calls = [worker.call(wait), worker.call(wait)]
+    until(lambda: worker.poll() is not None and calls[0].shown)
+    assert worker.process is not None
+    worker.process.kill()
+    until(lambda: worker.poll() is not None and calls[1].ended)
     for each in calls:
         with pytest.raises(Ended, match="the helper was ended by SIGKILL"):
             each.result()
 
 
-def test_dropped_calls_are_cancelled(caller: Caller, waits: None) -> None:
-    call = caller.call(wait)
-    caller.drop()
-    assert call.ended and caller.is_idle
+def test_dropped_calls_are_cancelled(worker: Worker, waits: None) -> None:
+    call = worker.call(wait)
+    worker.leave()
+    assert call.ended and not worker.calls
     with pytest.raises(Cancelled):
         call.result()

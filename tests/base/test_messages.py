@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from addon.core.base.errors import Remedy, UserError
-from addon.core.base.job import Job, end, end_all, end_meanwhile, tend
 from addon.core.base.messages import Failure, Message, Progress, Result, Seen, Warned, decode, encode, send
+from addon.core.base.worker import Worker, end, end_all, tend
 
 from ..waiting import PATIENCE, until
 
@@ -55,14 +55,14 @@ def test_a_process_that_people_started_sends_nothing(capfd: pytest.CaptureFixtur
     assert capfd.readouterr().out == ""
 
 
-def started(script: str) -> Job:
+def started(script: str) -> Worker:
     """A process that runs a script."""
-    job = Job()
+    job = Worker()
     job.start([sys.executable, "-c", SPEAK + script], environment=os.environ | {"PYTHONPATH": str(ROOT)})
     return job
 
 
-def heard(script: str) -> tuple[Job, list[Message]]:
+def heard(script: str) -> tuple[Worker, list[Message]]:
     """A process that runs a script, and what it said until it ended."""
     job, messages = started(script), list[Message]()
     until(lambda: messages.extend(job.poll()) or not job.is_running)
@@ -131,7 +131,7 @@ def test_processes_that_are_left_are_killed_in_the_end() -> None:
     )
     job, done = started(deaf), list[str]()
     until(lambda: job.poll() == [Result()])
-    end_meanwhile([job], lambda: done.append("then"))
+    job.leave(lambda: done.append("then"))
     tend()
     assert done == [] and job.process is not None and job.process.poll() is None
     end_all(0.1)
@@ -155,7 +155,7 @@ def test_waiting_for_a_process_reads_its_pipes() -> None:
 
 def test_a_process_is_at_its_end_though_another_holds_its_pipes() -> None:
     other = "subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(10)'])"
-    job = Job()
+    job = Worker()
     job.start([sys.executable, "-c", f"import subprocess, sys; {other}"])
     until(lambda: job.poll() == [] and not job.is_running)
     assert job.failure == Failure("the process ended with status 0")
@@ -172,7 +172,7 @@ def is_there(process: int) -> bool:
 def test_a_process_ends_with_the_one_that_started_it() -> None:
     inner = SPEAK + "import time; print(os.getpid(), file=sys.stderr, flush=True); time.sleep(9000)"
     outer = (
-        "import os, sys, time; from addon.core.base.job import Job; job = Job();"
+        "import os, sys, time; from addon.core.base.worker import Worker; job = Worker();"
         f"job.start([sys.executable, '-c', {inner!r}]);\n"
         "while not job._complaints: job.poll(); time.sleep(0.01)\n"
         "print(job._complaints[0], flush=True); os.kill(os.getpid(), 9)"
@@ -189,4 +189,4 @@ def test_a_process_ends_with_the_one_that_started_it() -> None:
 
 def test_a_program_that_is_not_there_is_told() -> None:
     with pytest.raises(UserError, match="the solver cannot be started: No such file"):
-        Job("solver").start(["/is/not/there"])
+        Worker("solver").start(["/is/not/there"])

@@ -8,9 +8,9 @@ from itertools import pairwise
 import pytest
 
 from addon.cli import solve
-from addon.core.base.job import Job
 from addon.core.base.messages import Progress
 from addon.core.base.time_left import Clock, TimeLeft
+from addon.core.base.worker import Worker
 from addon.core.sfm.process import SolveProgress
 from addon.core.sfm.worker import SHARES
 
@@ -45,7 +45,7 @@ def test_the_line_of_a_solve_never_jumps(
 ) -> None:
     now = [0.0]
     monkeypatch.setattr(solve.time, "monotonic", lambda: now[0])
-    line, job = solve._ProgressLine(), Job()
+    line, job = solve._ProgressLine(), Worker()
     low, high = SHARES["Solving cameras"]
     estimates: list[tuple[float, float | None]] = []
     # Three tries of the cameras, the first two given up near their end.
@@ -77,8 +77,8 @@ def test_the_first_frame_tells_nothing_of_the_others(monkeypatch: pytest.MonkeyP
 
 
 def test_equal_steps_give_an_estimate_from_the_third_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    now, job = [0.0], Job()
-    monkeypatch.setattr("addon.core.base.job.time.monotonic", lambda: now[0])
+    now, job = [0.0], Worker()
+    monkeypatch.setattr("addon.core.base.worker.time.monotonic", lambda: now[0])
     job._progressed(Progress("Depth 3%, first frame", 0, 300))
     assert (job.stage, job.done, job.left) == ("Depth 3%, first frame", 0, None)
     left = []

@@ -6,6 +6,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 from addon.core.base.counting import ranges
 from addon.core.base.errors import UserError
+from addon.core.base.worker import Worker
 from addon.core.media import video
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import Solve, load_solve
@@ -57,14 +59,14 @@ def part(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_known_lens_is_the_workers_focal_length_in_pixels(
     clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, focal: tuple[str, ...], pixels: float | None
 ) -> None:
-    """As its job says, which it begins and does not end."""
+    """As the request says, which is not sent."""
     work, jobs = tmp_path / "work", []
 
-    def wait(process: SolveProcess, _report: object) -> None:
-        jobs.extend(json.loads(path.read_text()) for path in work.glob("*/job.json"))
+    def start(worker: Worker, command: list[str], job: dict[str, Any], *_: object) -> None:
+        jobs.append(job)
         raise UserError("that is enough")
 
-    monkeypatch.setattr(SolveProcess, "wait", wait)
+    monkeypatch.setattr(Worker, "start", start)
     assert run("solve", clip, "--work", work, *focal) == 1
     (job,) = jobs
     assert job["lens"] == {"focal": pixels and pytest.approx(pixels, rel=1e-5), "zooms": False}

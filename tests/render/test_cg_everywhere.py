@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import av
@@ -18,9 +19,10 @@ import numpy as np
 import pytest
 
 from addon.core.base import limits
-from addon.core.base.job import Job
+from addon.core.base.worker import Worker
+from addon.render.engine import draw_alone
 from addon.render.processes import launcher
-from addon.render.processes.frames_ahead import SharedFrames
+from addon.render.processes.frames_ahead import DrawnFrame, FramesAhead
 from addon.scene.cg_objects import STAYS_SHARP
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents
@@ -102,8 +104,14 @@ def test_by_processes_side_by_side(blend: Path, tmp_path: Path) -> None:
 @pytest.mark.long
 def test_by_processes_that_draw_ahead(blend: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     taken = list[int]()
-    take = SharedFrames.take
-    monkeypatch.setattr(SharedFrames, "take", lambda self, frame: taken.append(frame) or take(self, frame))
+    take = FramesAhead.frame
+
+    def counted(ahead: FramesAhead, frame: int) -> DrawnFrame | None:
+        drawn = take(ahead, frame)
+        taken.extend([frame] * (drawn is not None))
+        return drawn
+
+    monkeypatch.setattr(FramesAhead, "frame", counted)
     pictures, before = {}, limits.chosen_threads()
     for threads in (1, 2):
         bpy.ops.wm.open_mainfile(filepath=str(blend))
@@ -196,18 +204,16 @@ def test_a_process_that_must_be_killed_leaves_no_files(blend: Path, tmp_path: Pa
 
 
 @pytest.mark.parametrize("ended", ["SIGTERM", "alone"])
-def test_who_draws_ahead_ends_while_it_waits(blend: Path, tmp_path: Path, ended: str) -> None:
-    """For Blender, which has not come to its first frame yet; also where it is killed."""
-    shared, job = SharedFrames(tmp_path), Job()
-    launcher.start(
-        job, tmp_path / "job.json", ["frames"], "Scene", blend=str(blend), into=str(tmp_path),
-        frames=[1, 10, 1], reach=4,
-    )  # fmt: skip
-    shared.go_on_to(COUNT - 1)
-    process = job.process
+def test_who_draws_ahead_ends_while_it_waits(blend: Path, ended: str) -> None:
+    """For Blender, which has not come to its next frame yet; also where it is killed."""
+    worker = Worker()
+    launcher.start(worker, ["frames"], "Scene", blend=blend)
+    call = worker.call(partial(draw_alone, "Scene", COUNT))
+    process = worker.process
     assert process is not None and process.stdin is not None
     try:
-        until(lambda: shared.is_there(COUNT))
+        until(lambda: worker.poll() is not None and call.ended)
+        assert call.result().pictures["Combined"].any()
         if ended == "SIGTERM":
             process.terminate()
         else:
@@ -244,10 +250,11 @@ def rendering(blend: Path, temporary: Path, out: Path, jobs: int) -> subprocess.
 
 
 def running(temporary: Path) -> list[int]:
-    """Processes that were told of something in a folder."""
+    """Other processes of a command with this folder for temporary files."""
     found = []
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
+    for path in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
-            if f"{temporary}/".encode() in path.read_bytes():
-                found.append(int(path.parent.name))
+            words, variables = ((path / name).read_bytes().split(b"\0") for name in ("cmdline", "environ"))
+            if launcher.JOB.encode() in words and f"TMPDIR={temporary}".encode() in variables:
+                found.append(int(path.name))
     return found

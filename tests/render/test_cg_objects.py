@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.base.job import Job
 from addon.core.base.progress import Cancelled, reporting
+from addon.core.base.worker import Worker
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.render.cg import cg_preview, cg_process
@@ -127,8 +127,8 @@ def test_what_lies_apart_in_depth_is_drawn_whole(solved: bpy.types.Scene, tmp_pa
 def test_what_cycles_cannot_do_is_said(solved: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     place_lamp(solved, 4.0, 20)
 
-    def ended(job: Job, *more: object, **named: object) -> None:
-        job.start([sys.executable, "-c", "raise SystemExit('no')"])
+    def ended(worker: Worker, *more: object, **named: object) -> None:
+        worker.start([sys.executable, "-c", "raise SystemExit('no')"])
 
     monkeypatch.setattr(cg_process, "start", ended)
     with pytest.raises(RuntimeError, match="the CG objects of frame 2 could not be rendered"):
@@ -148,9 +148,9 @@ def test_the_process_ends_with_the_one_that_started_it(solved: bpy.types.Scene, 
     place_lamp(solved, 4.0, 20)
     with cg_process.kept():
         rendered(solved, tmp_path / "drawn.exr")
-        job = cg_process._process.job
-        assert job is not None and job.process is not None and job.process.poll() is None
-        child = job.process
+        worker = cg_process._process.worker
+        assert worker is not None and worker.process is not None and worker.process.poll() is None
+        child = worker.process
         assert child.stdin is not None
         # As when the parent was killed.
         child.stdin.close()
@@ -174,8 +174,8 @@ def test_it_ends_in_the_midst_of_a_picture_too(solved: bpy.types.Scene) -> None:
     try:
         with pytest.raises(Cancelled), reporting(look):
             process.draw(solved.name, (solved.view_layers[0].name, 2), LENS, None)
-        assert process.job is not None and process.job.process is not None
-        child = process.job.process
+        assert process.worker is not None and process.worker.process is not None
+        child = process.worker.process
         assert child.stdin is not None
         child.stdin.close()
         assert child.wait(PATIENCE) != 0

@@ -53,18 +53,18 @@ def test_it_makes_pictures_and_picks_as_this_process_does(shot: Shot, scene: bpy
         until(lambda: process.poll() is None and call.ended)
         assert repr(call.result()) == repr(pick())
         # The process ends; the preview goes on with another one, and says so.
-        job = process.job
-        assert job is not None and job.process is not None
+        worker = process.worker
+        assert worker is not None and worker.process is not None
         other = replace(wanted, frame=3)
         shown.want(other)
         shown.poll()
-        job.process.kill()
+        worker.process.kill()
         until(lambda: shown.poll() is None and shown.note)
         assert shown.note == "The preview is begun again: the preview's process was ended by SIGKILL"
         until(lambda: shown.poll() is None and not shown.is_busy())
         best = shown.best(other)
         assert best is not None and best.level == FINE and not shown.note
-        assert process.job is not job
+        assert process.worker is not worker
     finally:
         process.end()
 
@@ -73,13 +73,13 @@ def test_it_ends_once_it_is_idle(shot: Shot, monkeypatch: pytest.MonkeyPatch) ->
     process = ClipProcess()
     process.begin()
     monkeypatch.setattr(clip_process, "IDLE", -1.0)
-    assert process._look() == clip_process.LOOK and process.job is not None, "nothing was called yet"
+    assert process._look() == clip_process.LOOK and process.worker is not None, "nothing was called yet"
     call = process.call(place_at(bpy.context.scene, 2, 0.5, 0.5))
     assert process._look() == clip_process.LOOK and not call.ended
     process._used = time.monotonic()
-    job = process.job
+    worker = process.worker
     process.end()
-    assert process.job is None and job is not None
+    assert process.worker is None and worker is not None
     with pytest.raises(Cancelled):
         call.result()
 

@@ -2,34 +2,47 @@
 
 from __future__ import annotations
 
+import os
 import shutil
-import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import bpy
-import numpy as np
 import pytest
 
-from addon.core.base import limits
+from addon.core.base import calls, limits
 from addon.core.base.progress import Cancelled, reporting
+from addon.core.base.worker import Worker
 from addon.render.processes import frames_ahead
-from addon.render.processes.frames_ahead import DrawnFrame, FramesAhead, SharedFrames, draw_ahead
+from addon.render.processes.frames_ahead import DrawnFrame, FramesAhead
 from addon.scene.passes import DEPTH
 
 from ..command_line import done
+from ..waiting import until
 
-DRAWN = DrawnFrame({"Combined": np.full((3, 5, 4), 0.1, np.float32)}, ("Frame 4 is dark",))
-HOLD = """
-import sys, time
+DRAW = """
 from pathlib import Path
-from addon.render.processes.frames_ahead import SharedFrames
-with SharedFrames(Path(sys.argv[1])).claimed(4) as is_mine:
-    print(is_mine, flush=True)
-    sys.stdin.read()
+from addon.core.base import calls, messages, progress
+def draw(folder, frame):
+    Path(folder, f"begun {frame}").touch()
+    while not Path(folder, str(frame)).exists():
+        progress.checkpoint()
+    return frame
+calls.draw = draw
+draw.__module__ = calls.__name__
+messages.speak()
+calls.serve()
 """
+"""A process whose frames are drawn once there is a file of their name."""
+
+
+def draw(folder: str, frame: int) -> DrawnFrame:
+    """Stands for the other process's own."""
+    raise NotImplementedError
+
+
+draw.__module__ = "addon.core.base.calls"
 
 
 @pytest.fixture(autouse=True)
@@ -39,60 +52,58 @@ def _threads_as_before() -> Iterator[None]:
     limits.limit_threads(before)
 
 
-def test_a_frame_that_waits_is_taken_once(tmp_path: Path) -> None:
-    shared = SharedFrames(tmp_path)
-    shared.put(4, DRAWN)
-    assert shared.is_there(4)
-    taken = shared.take(4)
-    assert taken.notes == DRAWN.notes and not shared.is_there(4)
-    assert np.array_equal(taken.pictures["Combined"], DRAWN.pictures["Combined"])
+@pytest.fixture
+def ahead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FramesAhead]:
+    """One process that draws every second frame of twenty ahead."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).resolve().parents[2]))
+    monkeypatch.setattr(calls, "draw", draw, raising=False)
+    worker = Worker()
+    worker.start([sys.executable, "-c", DRAW], environment=os.environ)
+    made = FramesAhead([worker], str(tmp_path), range(0, 20, 2), draw)
+    yield made
+    made.end()
 
 
-def test_frames_are_drawn_within_reach_of_the_one_under_way(tmp_path: Path) -> None:
-    shared = SharedFrames(tmp_path)
-    shared.go_on_to(2)
-    drawing = draw_ahead(tmp_path, range(0, 20, 2), 3, lambda frame: DRAWN)
-    assert [next(drawing) for _ in range(3)] == [4, 6, 8]
-    shared.take(4)
-    shared.go_on_to(4)
-    assert next(drawing) == 10
-    # What Blender has passed is drawn by nobody.
-    shared.go_on_to(16)
-    assert next(drawing) == 18
-    shared.go_on_to(18)
-    assert list(drawing) == []
-
-
-def test_one_draws_here_what_nobody_is_at_and_waits_for_what_somebody_is(tmp_path: Path) -> None:
-    ahead = FramesAhead(SharedFrames(tmp_path), ExitStack(), 0)
-    assert ahead.frame(3) is None
-    held = subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        cwd=Path(__file__).resolve().parents[2],
-    )  # fmt: skip
-    assert held.stdin is not None and held.stdout is not None
-    try:
-        # Blender may have something to say first.
-        assert "True\n" in held.stdout
-        looks = 0
-
-        def look(_stage: str, _share: float) -> None:
-            nonlocal looks
-            looks += 1
-            if looks > 5:
-                raise Cancelled
-
-        with pytest.raises(Cancelled), reporting(look):
-            ahead.frame(4)
-        held.kill()
-        held.wait()
-        assert ahead.frame(4) is None
-    finally:
-        held.kill()
-        held.communicate()
-    ahead.shared.put(5, DRAWN)
+def test_frames_are_drawn_within_reach_of_the_one_under_way(ahead: FramesAhead, tmp_path: Path) -> None:
+    for frame in range(20):
+        (tmp_path / str(frame)).touch()
+    # Nobody has begun with it.
+    assert ahead.frame(2) is None
+    until(lambda: ahead.workers[0].poll() is not None and not ahead.workers[0].calls)
+    assert [*ahead._calls] == [4, 6] and not (tmp_path / "begun 8").exists()
     # As each view layer asks.
-    assert ahead.frame(5) is ahead.frame(5) is not None
+    assert ahead.frame(4) == ahead.frame(4) == 4
+    assert [*ahead._calls] == [6, 8]
+    # What Blender has passed is drawn by nobody.
+    ahead.frame(16)
+    until(lambda: ahead.workers[0].poll() is not None and not ahead.workers[0].calls)
+    assert [*ahead._calls] == [18] and ahead.frame(18) == 18
+    assert ahead._calls == {}
+
+
+def test_one_draws_here_what_nobody_is_at_and_waits_for_what_somebody_is(
+    ahead: FramesAhead, tmp_path: Path
+) -> None:
+    assert ahead.frame(2) is None
+    until(lambda: ahead.workers[0].poll() is not None and ahead._calls[4].is_begun)
+    looks = 0
+
+    def look(_stage: str, _share: float) -> None:
+        nonlocal looks
+        looks += 1
+        if looks > 5:
+            raise Cancelled
+
+    with pytest.raises(Cancelled), reporting(look):
+        ahead.frame(4)
+    # It goes on with the next one while this process is at another.
+    (tmp_path / "4").touch()
+    until((tmp_path / "begun 6").exists)
+    process = ahead.workers[0].process
+    assert process is not None and ahead.frame(4) == 4
+    process.kill()
+    process.wait()
+    assert ahead.frame(6) is None and ahead._calls == {}
 
 
 @pytest.mark.long
@@ -104,13 +115,14 @@ def test_an_animation_is_the_same_with_any_number_of_processes(
     lens = ("--focus-at", "0.5,0.5@2", "--focus-at", "0.2,0.3@12", "--blur", 0.03, "--views", 8)
     done("save", work, *lens, "--no-copy", "--blend", blend)
     taken = list[int]()
-    take = SharedFrames.take
+    take = FramesAhead.frame
 
-    def counted(shared: SharedFrames, frame: int) -> DrawnFrame:
-        taken.append(frame)
-        return take(shared, frame)
+    def counted(ahead: FramesAhead, frame: int) -> DrawnFrame | None:
+        drawn = take(ahead, frame)
+        taken.extend([frame] * (drawn is not None))
+        return drawn
 
-    monkeypatch.setattr(SharedFrames, "take", counted)
+    monkeypatch.setattr(FramesAhead, "frame", counted)
     pictures = {}
     for threads in (1, 2):
         bpy.ops.wm.open_mainfile(filepath=str(blend))

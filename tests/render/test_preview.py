@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from addon.core.base import calls
-from addon.core.base.calls import Call
 from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, checkpoint, reporting
+from addon.core.base.worker import Call
 from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.focus.focus import Focus
 from addon.core.frame.inspection import NAMES
@@ -60,7 +60,7 @@ class Meanwhile(ClipProcess):
     """Calls functions in threads of this process, whose pictures `make` makes."""
 
     def call[T](self, function: Callable[[], T]) -> Call[T]:
-        call = Call[T](Path(), 0)
+        call = Call[T](0, lambda _: None)
         cancelled = threading.Event()
         call.cancel = cancelled.set  # type: ignore[method-assign]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,7 +11,8 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import Remedy
-from addon.core.base.messages import Failure, Message, Result, decode
+from addon.core.base.messages import Failure, Message, Result
+from addon.core.base.worker import Worker
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.first_person import nearest_subject
 from addon.core.media.clip import FrameRange, open_footage
@@ -25,6 +25,7 @@ from addon.core.subjects.networks import Networks
 from .. import planes
 from ..solving import refused, solve
 from ..subjects.figures import figure
+from ..waiting import until
 
 FRAMES = 16
 TOP = 80
@@ -136,6 +137,7 @@ def followed() -> list[np.ndarray]:
 IN_PLACE = f"mask[{TOP}:] = True"
 GIVEN = """
 import sys
+from pathlib import Path
 import numpy as np
 from addon.core.sfm import worker
 from addon.core.sfm.tracking.people_left_out import outside
@@ -143,7 +145,7 @@ from addon.core.sfm.tracking.people_left_out import outside
 mask = np.zeros((240, 320), bool)
 {}
 worker.without_people = lambda tracks, footage, progress: outside(tracks, lambda frame: mask)
-sys.exit(worker.main(sys.argv[1]))
+sys.exit(worker.main(Path(sys.argv[1])))
 """
 
 
@@ -151,16 +153,14 @@ def solved_with_mask(clip: Path, frames: int, folder: Path, people: str = IN_PLA
     """What the worker says of a clip in which people are where code puts them in a mask."""
     folder.mkdir()
     job = {
-        "footage": str(clip), "frames": list(range(1, frames + 1)), "video": None, "stills": False,
-        "folder": str(folder), "may_stay": False, "cameras": None, "pixel_aspect": 0.0, "fixed": False,
+        "footage": clip, "frames": list(range(1, frames + 1)), "video": None, "stills": False,
+        "may_stay": False, "cameras": None, "pixel_aspect": 0.0, "fixed": False,
         "lens": {"focal": None, "zooms": False},
     }  # fmt: skip
-    (folder / "job.json").write_text(json.dumps(job))
-    command = [sys.executable, "-c", GIVEN.format(people), str(folder / "job.json")]
-    # It ends itself where its standard input does.
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
-        assert worker.stdout is not None
-        return [message for line in worker.stdout if (message := decode(line))]
+    process, messages = Worker(), list[Message]()
+    process.start([sys.executable, "-c", GIVEN.format(people), str(folder)], job)
+    until(lambda: messages.extend(process.poll()) or not process.is_running)
+    return messages
 
 
 @pytest.mark.long

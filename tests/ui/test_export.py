@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from addon.core.base.job import tend
+from addon.core.base.worker import tend
 from addon.core.media.clip import open_footage
 from addon.scene.build import build
 from addon.scene.sources.clip import footage_path, work_dir

@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.base.job import tend
 from addon.core.base.messages import Progress
+from addon.core.base.worker import tend
 from addon.core.media.clip import open_footage
 from addon.render.output.output import crop_to_even
 from addon.render.views.frame_size import written_size

@@ -80,14 +80,14 @@ def test_esc_ends_all_processes(program: Program, blend: Path) -> None:
     shutil.rmtree(blend.parent / "frames")
     before = program.ask("len(log)")
     started(program)
-    program.ask(f"globals().update(jobs=list({AHEAD}.jobs), shared={AHEAD}.shared.folder); None")
+    program.ask(f"globals().update(workers=[*{AHEAD}.workers], folder={AHEAD}.workers[0].folder); None")
     program.wait(f"[w for w, _ in log[{before}:] if w == 'write']", 120)
     sent = program.screen.key("Escape")
     program.wait(f"[w for w, _ in log[{before}:] if w == 'idle']", 60)
     ended = program.ask(f"next(at for what, at in log[{before}:] if what == 'idle')")
     program.tell_time(ended - sent, "ESC in an animation of several processes")
-    program.wait("all(job.process.poll() is not None for job in jobs)", 15)
-    program.wait("not shared.exists()", 5)
+    program.wait("all(worker.process.poll() is not None for worker in workers)", 15)
+    program.wait("not folder.exists()", 5)
     program.close_window()
 
 

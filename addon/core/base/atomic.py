@@ -105,13 +105,6 @@ def write_bytes(path: Path, data: bytes) -> None:
         part.write_bytes(data)
 
 
-def hand_over(path: Path, data: bytes) -> None:
-    """Write a file for another of our processes, which sees it whole, but not durably; raises OSError."""
-    part = path.with_name(f"{path.name}.part")
-    part.write_bytes(data)
-    part.replace(path)
-
-
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
     """Yield a folder for temporary files, removed at the end (after a crash: by `collect_temporary`)."""

@@ -1,8 +1,10 @@
-"""Messages from a child process to its parent: one a line, as JSON, on standard output.
+"""Messages between a child process and its parent: one a line, as JSON, on standard input and output.
 
 >>> decode(encode(Progress("depth", 3, 118)))
 Progress(stage='depth', done=3, total=118, frame=None, share=None)
 """
+
+from __future__ import annotations
 
 import contextlib
 import json
@@ -12,9 +14,11 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import TextIO
+from pathlib import Path
+from typing import IO, Any
 
 from .errors import Remedy, UserError
+from .parcel import Named, no_name, unpack
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,8 @@ class Progress:
     """Number of the finished frame, if each step is a frame."""
     share: float | None = None
     """Finished share of the whole work in [0, 1], if the stage is a part of it."""
+    call: int | None = None
+    """Number of the call that makes the progress, if it is one's."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +77,35 @@ class Failure:
         return error
 
 
-Message = Progress | Warned | Seen | Result | Failure
+@dataclass(frozen=True)
+class Parcel:
+    """A value in a file (`parcel.pack`): a function to call, what it shows, or its error and result."""
+
+    call: int
+    """Number of the call; that of the request that a process is started with is 0."""
+    file: str
+    is_last: bool = True
+    """False for a value that is shown before the result."""
+
+    def take(self, thing: Named = no_name) -> Any:
+        """Return the value and remove the file; `thing` as of `unpack`."""
+        file = Path(self.file)
+        data = file.read_bytes()
+        file.unlink()
+        return unpack(data, thing)
+
+
+@dataclass(frozen=True)
+class Cancel:
+    """Nobody waits for a call any longer."""
+
+    call: int
+
+
+Message = Progress | Warned | Seen | Result | Failure | Parcel | Cancel
 _KINDS: dict[str, type[Message]] = {
     "progress": Progress, "warning": Warned, "seen": Seen, "result": Result, "error": Failure,
+    "parcel": Parcel, "cancel": Cancel,
 }  # fmt: skip
 _NAMES = {kind: name for name, kind in _KINDS.items()}
 
@@ -95,8 +127,12 @@ def decode(line: str) -> Message | None:
         return None
 
 
-_parent: TextIO | None = None
+_parent: IO[bytes] | None = None
 """Stream for messages; None in a process without a parent of ours."""
+_requests: Any = None
+"""Queue of the parcels that have come."""
+_cancelled: set[int] = set()
+"""Calls that nobody waits for."""
 PATIENCE = 10.0
 """Seconds after which a process that was asked to end is killed."""
 
@@ -109,31 +145,65 @@ def end_itself() -> None:
 
 
 def speak(when_alone: Callable[[], object] = end_itself) -> None:
-    """Become a child process of the kind that `Job` starts.
+    """Become a child process of the kind that `Worker` starts.
 
     Standard output is then for messages alone; other output is dropped. `when_alone` is called in a thread
     when standard input closes, because the parent has ended; by default the process ends.
     """
-    global _parent
+    global _parent, _requests
     sys.stdout.flush()
-    _parent = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    _parent = os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)
     # Only such a process has a thread.
     import threading
+    from queue import SimpleQueue
 
-    def watch() -> None:
-        while os.read(0, 1):
-            pass
+    requests = _requests = SimpleQueue[Parcel]()
+
+    def listen() -> None:
+        # Without a buffer: its lock would outlive this thread.
+        with open(0, "rb", buffering=0, closefd=False) as lines:
+            for message in (decode(line.decode()) for line in lines):
+                if isinstance(message, Parcel):
+                    requests.put(message)
+                elif isinstance(message, Cancel):
+                    _cancelled.add(message.call)
         when_alone()
 
-    threading.Thread(target=watch, daemon=True).start()
+    threading.Thread(target=listen, daemon=True).start()
+
+
+def told() -> Any:
+    """Wait for the request that this process was started with, and return its value."""
+    return _requests.get().take()
+
+
+def next_call(seconds: float) -> Parcel | None:
+    """Return the parent's next call; None without one for so many seconds."""
+    from queue import Empty
+
+    try:
+        call: Parcel = _requests.get(timeout=seconds)
+    except Empty:
+        return None
+    return call
+
+
+def is_cancelled(call: int) -> bool:
+    """Return whether nobody waits for a call any longer."""
+    return call in _cancelled
 
 
 def send(message: Message) -> None:
     """Send a message to the parent, if there is one."""
     if _parent is not None:
-        with contextlib.suppress(OSError):
-            _parent.write(f"{encode(message)}\n")
-            _parent.flush()
+        write(_parent, message)
+
+
+def write(stream: IO[bytes], message: Message) -> None:
+    """Write a message; the end of its reader is noticed elsewhere."""
+    with contextlib.suppress(OSError):
+        stream.write(f"{encode(message)}\n".encode())
+        stream.flush()

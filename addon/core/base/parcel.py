@@ -26,9 +26,15 @@ PLAIN = {
     "pathlib._local": {"PosixPath", "WindowsPath"},
 }
 """Names by module."""
+Named = Callable[[Any], object]
+"""Returns a name that stands for a thing, or None; or the thing of a name."""
 
 
-def pack(value: object, name: Callable[[Any], object] = lambda thing: None) -> bytes:
+def no_name(_thing: object) -> None:
+    """Name nothing."""
+
+
+def pack(value: object, name: Named = no_name) -> bytes:
     """Return a value as bytes.
 
     Dataclasses are their fields: values that they have cached stay behind.
@@ -43,7 +49,7 @@ def pack(value: object, name: Callable[[Any], object] = lambda thing: None) -> b
     return file.getvalue()
 
 
-def unpack(data: bytes, thing: Callable[[Any], object] = lambda name: None) -> Any:
+def unpack(data: bytes, thing: Named = no_name) -> Any:
     """Return the value of `pack`; `thing` returns what a name stands for.
 
     Raises:
@@ -54,7 +60,7 @@ def unpack(data: bytes, thing: Callable[[Any], object] = lambda name: None) -> A
 
 
 class _Packer(pickle.Pickler):
-    def __init__(self, file: io.BytesIO, name: Callable[[Any], object]) -> None:
+    def __init__(self, file: io.BytesIO, name: Named) -> None:
         super().__init__(file, 5)
         self._name = name
 
@@ -69,7 +75,7 @@ class _Packer(pickle.Pickler):
 
 
 class _Reader(pickle.Unpickler):
-    def __init__(self, file: io.BytesIO, root: str, thing: Callable[[Any], object]) -> None:
+    def __init__(self, file: io.BytesIO, root: str, thing: Named) -> None:
         super().__init__(file)
         self._root, self._thing = root, thing
 

@@ -3,15 +3,12 @@
 The process that asked for it remembers the result, so that the clip opens at once then.
 """
 
-import sys
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from ..base.atomic import temporary_folder
-from ..base.calls import Caller, serve
-from ..base.job import Job, end_meanwhile
+from ..base.calls import serve
 from ..base.messages import speak
+from ..base.worker import Worker
 from ..media.clip import open_footage
 from ..media.clip_identity import identity
 from ..media.video_info import VideoInfo
@@ -23,20 +20,14 @@ class Opening:
 
     def __init__(self, clip: Path, stills: bool) -> None:
         """Begin to open a clip; `stills` as of `open_footage`. UserError if the process cannot be started."""
-        self._clip, self._stills, self._held = clip, stills, ExitStack()
-        self._job = Job("process that opens the clip")
-        folder = self._held.enter_context(temporary_folder())
-        try:
-            self._job.start([*python_command("opening"), str(folder)], True, environment())
-        except BaseException:
-            self._held.close()
-            raise
-        self._caller = Caller(self._job, folder)
-        self._call = self._caller.call(partial(opened, clip, stills))
+        self._clip, self._stills = clip, stills
+        self._worker = Worker("process that opens the clip")
+        self._worker.start(python_command("opening"), yielding=True, environment=environment())
+        self._call = self._worker.call(partial(opened, clip, stills))
 
     def poll(self) -> bool:
         """Return whether the clip is open; UserError where it cannot be opened."""
-        self._caller.poll()
+        self._worker.poll()
         if not self._call.ended:
             return False
         self.end()
@@ -45,7 +36,7 @@ class Opening:
 
     def end(self) -> None:
         """End the process, without waiting for it; harmless after the end."""
-        end_meanwhile([self._job], self._held.pop_all().close)
+        self._worker.leave()
 
 
 def opened(clip: Path, stills: bool) -> VideoInfo | None:
@@ -58,4 +49,4 @@ def opened(clip: Path, stills: bool) -> VideoInfo | None:
 
 if __name__ == "__main__":
     speak()
-    serve(Path(sys.argv[1]))
+    serve()

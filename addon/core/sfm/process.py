@@ -4,15 +4,14 @@ import json
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ..base.atomic import collect_temporary
 from ..base.errors import Remedy, UserError
-from ..base.job import Job, end
 from ..base.messages import Progress, Seen
-from ..base.parcel import pack
+from ..base.worker import Worker, end
 from ..camera.focal_length import Focal, in_pixels
 from ..depth.placed_points import placed
 from ..depth.user_maps import DepthMaps, open_depth
@@ -27,8 +26,6 @@ from .state import MODEL, Staging
 from .tracking.tracker_pictures import Sight, decoded
 from .workspace import check_import, check_replaceable, imported_from, is_solved
 
-CAMERAS = "cameras"
-"""In the folder of a solve, the cameras that are held, and points that no two frames see."""
 END = 0.3
 """Seconds until the worker ends on its own: it has nothing to clean up, and the user waits."""
 LOOK = 0.05
@@ -93,7 +90,7 @@ class SolveProcess:
         self.work_dir = work_dir
         self._yields = yielding
         self._cameras = cameras
-        self._job = Job("solving process")
+        self._job = Worker("solving process")
         self._staging: Staging | None = None
         self.finished = False
         self.sight: Sight | None = None
@@ -149,28 +146,24 @@ class SolveProcess:
         return solved
 
     def _launch(self, folder: Path) -> None:
+        held = self._cameras
+        if held is not None and len(held.reconstruction.points):
+            held = replace(held, reconstruction=thinned(held.reconstruction))
         job: dict[str, Any] = {
-            "footage": str(self.clip.path),
+            "footage": self.clip.path,
             "frames": self.clip.frames,
-            "video": asdict(video_info(self.clip.path)) if self.clip.is_video else None,
-            "folder": str(folder),
+            "video": video_info(self.clip.path) if self.clip.is_video else None,
             "stills": self.clip.is_stills,
             "pixel_aspect": self.clip.pixel_aspect,
             "fixed": self._options["fixed"],
             "may_stay": self._maps is not None,
             "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
-            "cameras": None,
+            "cameras": held,
         }
-        if (held := self._cameras) is not None:
-            if len(held.reconstruction.points):
-                held = replace(held, reconstruction=thinned(held.reconstruction))
-            (folder / CAMERAS).write_bytes(pack(held))
-            job["cameras"] = CAMERAS
-        (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
-        self._job.start([*self._command(), str(folder / "job.json")], self._yields, environment())
+        self._job.start([*self._command(), str(folder)], job, self._yields, environment())
 
     def _command(self) -> list[str]:
-        """Command of the worker, without its job file."""
+        """Command of the worker, without the folder that it solves into."""
         return python_command("worker")
 
     def poll(self) -> list[SolveProgress]:

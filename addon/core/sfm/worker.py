@@ -1,4 +1,4 @@
-"""The solving worker: `python -m addon.core.sfm.worker JOB.json`, a child as `base.messages` has it."""
+"""The solving worker: `python -m addon.core.sfm.worker FOLDER`, a child process by `base.messages`."""
 
 import contextlib
 import json
@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import Remedy, UserError
 from ..base.file_lock import FolderLock
-from ..base.messages import Failure, Progress, Result, send, speak
-from ..base.parcel import unpack
+from ..base.messages import Failure, Progress, Result, send, speak, told
 from ..camera.focal_length import from_equivalent, is_plausible
 from ..camera.reconstruction import Reconstruction, upright
 from ..media import picture_file
@@ -26,7 +25,6 @@ from ..media.clip import Footage, open_footage
 from ..media.container import equivalent_focal
 from ..media.exif import photo_data
 from ..media.fixed_area import fixed_area
-from ..media.video_info import VideoInfo
 from ..readers.colmap_export import write_model
 from ..readers.matching import Imported
 from .calibration import lens
@@ -77,12 +75,11 @@ PATIENCE = 5.0
 """Seconds in which a process that ends has let go of all that it held."""
 
 
-def main(job_path: str) -> int:
-    """Solve the job's clip into its folder; 0, or 1 after saying what went wrong."""
-    job = json.loads(Path(job_path).read_text(encoding="utf-8"))
-    speak(lambda: _end_alone(Path(job["folder"])))
+def main(folder: Path) -> int:
+    """Solve a clip, as the parent requests, into a folder; 0, or 1 after a failure was sent."""
+    speak(lambda: _end_alone(folder))
     try:
-        _solve(job)
+        _solve(told(), folder)
     except UserError as error:
         send(Failure(str(error), remedies=error.remedies))
         return 1
@@ -94,16 +91,15 @@ def main(job_path: str) -> int:
     return 0
 
 
-def _solve(job: dict[str, Any]) -> None:
+def _solve(job: dict[str, Any], folder: Path) -> None:
     began = time.monotonic()
     # After cv2 has been imported, and with pycolmap's own handler for SIGTERM, which can hang, taken out.
     from .mapping import incremental_mapping
 
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     picture_file.exr_decoder = _exr
-    folder = Path(str(job["folder"]))
     footage = open_footage(
-        job["footage"], job["frames"], VideoInfo.parse(job["video"]), job["stills"],
+        job["footage"], job["frames"], job["video"], job["stills"],
         pixel_aspect=job["pixel_aspect"],
     )  # fmt: skip
     is_clip = not footage.is_stills or job["cameras"] is not None
@@ -111,7 +107,7 @@ def _solve(job: dict[str, Any]) -> None:
         check_shape(footage)
         if job["fixed"]:
             footage = replace(footage, fixed=fixed_area(footage.read, footage.frames))
-    found = _solve_clip(footage, job, folder) if is_clip else _solve_photos(footage, job)
+    found = _solve_clip(footage, job) if is_clip else _solve_photos(footage, job)
     result, model, said = found.reconstruction, folder / "model", found.said
     model.mkdir()
     write_model(model, result)
@@ -173,7 +169,7 @@ def _solve_photos(footage: Footage, job: dict[str, Any]) -> _Found:
     return _Found(result, figures)
 
 
-def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> _Found:
+def _solve_clip(footage: Footage, job: dict[str, Any]) -> _Found:
     """Cameras and points of a clip."""
     tracker, tracks = "harris", _of_scene(track_features(footage, _progress, Watch(send)), footage)
     if (jumps := cuts(tracks)) and (job["cameras"] or are_bridged(footage, jumps)):
@@ -181,7 +177,7 @@ def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> _Found:
         tracker, tracks = "sift", _of_scene(match_features(footage, _progress), footage)
     if job["cameras"] is None:
         refuse_cuts(tracks)
-    found = _held(job, tracks, folder) if job["cameras"] else _solved(job, footage, tracks)
+    found = _held(job["cameras"], tracks) if job["cameras"] else _solved(job, footage, tracks)
     return replace(found, said={"tracker": tracker, **found.said})
 
 
@@ -274,9 +270,8 @@ def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, may_stay: boo
     return _Found(result, said)
 
 
-def _held(job: dict[str, Any], tracks: Tracks, folder: Path) -> _Found:
+def _held(held: Imported, tracks: Tracks) -> _Found:
     """Points before cameras that another program found."""
-    held: Imported = unpack((folder / job["cameras"]).read_bytes())
     said: dict[str, Any] = {"focal_from": "file", "method": held.format, "notes": list(held.notes)}
     try:
         known = known_poses.triangulate(held.reconstruction, tracks, _progress)
@@ -355,4 +350,4 @@ def _exr(path: Path | bytes) -> NDArray[np.float32]:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(main(Path(sys.argv[1])))

@@ -1,6 +1,6 @@
 """CG objects of a render, drawn by Cycles in a process of our own: a render cannot start inside a render.
 
-The file is copied as it is when the render begins; drawings are calls (`core/base/calls.py`).
+The file is copied as it is when the render begins.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...core.base.calls import Failed, Named
+from ...core.base.calls import Failed
 from ...core.base.errors import UserError
-from ...core.base.job import Job, Leaving
 from ...core.base.progress import checkpoint
+from ...core.base.worker import Worker
 from ...core.camera.reconstruction import Intrinsics
 from ...core.depth.source import PixelDepth
 from ...core.frame.cg_layers import CGObjects, DrawCG
@@ -42,6 +42,8 @@ class CGProcess(CalledProcess):
 
     _file: Path | None = None
     """The .blend that it was started with for a preview."""
+    _scene = ""
+    """Name of the scene."""
 
     def draw(
         self, scene: str, view: View, pinhole: Intrinsics, depth: PixelDepth | None, file: Path | None = None
@@ -57,11 +59,12 @@ class CGProcess(CalledProcess):
         if file != self._file:
             self.end()
             self._file = file
+        self._scene = scene
         layer, frame = view
         margin = int(np.ceil(OVERSCAN * max(pinhole.width, pinhole.height)))
         plate = np.zeros((0, 0)) if depth is None else depth.inverse_depth
         wanted = Wanted(layer, frame, pinhole, margin, np.asarray(plate, np.float32))
-        call = self.started(partial(self._start, scene)).call(partial(draw, wanted))
+        call = self.begin().call(partial(draw, wanted))
         try:
             while not call.ended:
                 checkpoint()
@@ -75,16 +78,15 @@ class CGProcess(CalledProcess):
             # Nobody waits for it any longer.
             call.cancel()
 
-    def _start(self, scene: str, job: Job, folder: Path) -> Named:
-        blend = self._file or folder / "scene.blend"
+    def launch(self, worker: Worker) -> None:
+        """Start the process."""
+        blend = self._file or worker.folder / "scene.blend"
         if self._file is None:
             # Files are written on the main thread, which a render waits for.
             main_thread.call(lambda: write_blend(blend))
         start(
-            job, folder / "job.json", ["cg"], scene, blend=str(blend), folder=str(folder),
-            is_preview=self._file is not None,
-        )  # fmt: skip
-        return lambda thing: None
+            worker, ["cg"], self._scene, blend=blend, folder=worker.folder, is_preview=self._file is not None
+        )
 
 
 _process = CGProcess()
@@ -113,12 +115,12 @@ def kept() -> Iterator[None]:
         yield
     finally:
         _is_kept = before
-        if (leaving := end()) is not None:
+        if (left := end()) is not None:
             # A command ends without waiting for other processes.
-            leaving.join()
+            left.join()
 
 
 @at(*RENDERS)
-def end(*_: object) -> Leaving | None:
+def end(*_: object) -> Worker | None:
     """End the process of a render, unless it is `kept`; returns it if there is one."""
     return None if _is_kept else _process.end()

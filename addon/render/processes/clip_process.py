@@ -13,10 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from weakref import ref
 
-from ...core.base.atomic import hand_over
-from ...core.base.calls import Call, Caller
-from ...core.base.job import Job
 from ...core.base.parcel import pack, unpack
+from ...core.base.worker import Call, Worker
 from ...scene.base.events import watch
 from ...scene.sources.shot import Filmed, Shot
 from .launcher import CalledProcess, start
@@ -44,19 +42,12 @@ class ClipProcess(CalledProcess):
         # Blender knows timers by the object.
         self._timer = self._look
 
-    def begin(self) -> Caller:
-        """Start the process if none runs.
-
-        Raises:
-            UserError: It cannot be started.
-        """
-        return self.started(self._start)
-
-    def _start(self, job: Job, folder: Path) -> SentShots:
-        start(job, folder / "job.json", ["clip"], yields=self._yields, folder=str(folder))
+    def launch(self, worker: Worker) -> None:
+        """Start the process."""
+        start(worker, ["clip"], yields=self._yields, folder=worker.folder)
+        worker.naming = SentShots(worker.folder)
         self._used = float("inf")
         watch(self._timer, LOOK, stays=True)
-        return SentShots(folder)
 
     def call[T](self, function: Callable[[], T]) -> Call[T]:
         """Have a function called there, and return at once; errors as of `begin`."""
@@ -66,12 +57,12 @@ class ClipProcess(CalledProcess):
 
     def _look(self) -> float | None:
         """A timer's turn: end a process that nothing was called of for long."""
-        if self._caller is None:
+        if self.worker is None:
             return None
         self.poll()
-        if not self._caller.is_idle or self.stays():
+        if self.worker.calls or self.stays():
             self._used = time.monotonic()
-        elif time.monotonic() - self._used > IDLE or not self._caller.job.is_running:
+        elif time.monotonic() - self._used > IDLE or not self.worker.is_running:
             self.end()
             return None
         return LOOK
@@ -100,7 +91,8 @@ class SentShots:
         # Strokes leave the clip as it is.
         clip = next((n for n, (_, filmed) in enumerate(self._sent) if filmed() is thing.clip), number)
         self._sent.append((ref(thing), ref(thing.clip)))
-        hand_over(_path(self._folder, number), pack((clip, replace(thing, filmed=None, found=None))))
+        data = pack((clip, replace(thing, filmed=None, found=None)))
+        _path(self._folder, number).write_bytes(data)
         return number
 
 

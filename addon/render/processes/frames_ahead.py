@@ -4,32 +4,24 @@ Blender renders an animation's frames one after the other in one process, in whi
 helps. Other processes therefore open a copy of the file and draw later frames, each in one thread. The
 engine takes finished frames, waits for a frame in progress, and draws the rest: the first frame, and all of
 them if the others fail.
-
-FOLDER/scene.blend               the file, as it was when the animation began
-FOLDER/at                        the number of the frame that Blender is at; only later ones are drawn ahead
-FOLDER/frame-000012.lock         held by the process that draws the frame
-FOLDER/frame-000012              the drawn frame
 """
 
 from __future__ import annotations
 
-import contextlib
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import partial
 
 import bpy
 
 from ...core.base import limits
 from ...core.base.arrays import LinearRGBA
-from ...core.base.atomic import hand_over, temporary_folder
+from ...core.base.atomic import temporary_folder
 from ...core.base.errors import UserError
-from ...core.base.file_lock import claimed
-from ...core.base.job import Job, end_meanwhile
-from ...core.base.parcel import pack, unpack
 from ...core.base.progress import checkpoint
+from ...core.base.worker import Call, Ended, Worker
 from ...scene.base.events import RENDERS, at
 from ...scene.gpu import main_thread
 from . import jobs
@@ -39,6 +31,8 @@ LOOK = 0.02
 """Seconds between two looks for a frame that another process draws."""
 WAITING = 2
 """Frames for each process that may wait to be taken: those of 4K take 130 MB of disk each."""
+GIVEN = 2
+"""Frames that a process has to draw: the next one begins while this process draws one itself."""
 
 
 @dataclass(frozen=True)
@@ -51,102 +45,39 @@ class DrawnFrame:
     """Notes for the user."""
 
 
-@dataclass(frozen=True)
-class SharedFrames:
-    """The folder by which processes share an animation's frames."""
-
-    folder: Path
-
-    @property
-    def blend(self) -> Path:
-        """The .blend that all of them draw from."""
-        return self.folder / "scene.blend"
-
-    @property
-    def at(self) -> int | None:
-        """The frame that Blender is at; None before its first."""
-        with contextlib.suppress(OSError, ValueError):
-            return int((self.folder / "at").read_text())
-        return None
-
-    def go_on_to(self, frame: int) -> None:
-        """Have no other process begin with frames up to this one."""
-        hand_over(self.folder / "at", str(frame).encode())
-
-    def claimed(self, frame: int) -> AbstractContextManager[bool]:
-        """Keep others from drawing a frame meanwhile; enters with whether none is at it."""
-        return claimed(self._path(frame, ".lock"))
-
-    def is_there(self, frame: int) -> bool:
-        """Return whether a frame is ready."""
-        return self._path(frame).exists()
-
-    def put(self, frame: int, drawn: DrawnFrame) -> None:
-        """Have a frame wait to be taken. Raises OSError."""
-        hand_over(self._path(frame), pack(drawn))
-
-    def take(self, frame: int) -> DrawnFrame:
-        """Return a frame that waits, which is gone then. Raises OSError."""
-        drawn: DrawnFrame = unpack(self._path(frame).read_bytes())
-        self._path(frame).unlink()
-        return drawn
-
-    def _path(self, frame: int, end: str = "") -> Path:
-        return self.folder / f"frame-{frame:06d}{end}"
-
-
-def draw_ahead(
-    folder: Path, frames: Sequence[int], reach: int, draw: Callable[[int], DrawnFrame]
-) -> Iterator[int]:
-    """Draw frames of an animation that no other process draws, and yield their numbers.
-
-    They are up to `reach` frames past Blender's; it ends when Blender is at the last one.
-
-    Raises:
-        OSError: The folder is not writable.
-    """
-    shared, last = SharedFrames(folder), frames[-1]
-    while (at := shared.at) is None or at < last:
-        for frame in [frame for frame in frames if at is not None and frame > at][:reach]:
-            with shared.claimed(frame) as is_mine:
-                # Blender may have gone on, or somebody else have drawn it, since it was looked at.
-                at = shared.at
-                if is_mine and at is not None and at < frame and not shared.is_there(frame):
-                    shared.put(frame, draw(frame))
-                    yield frame
-                    break
-        else:
-            time.sleep(LOOK)
+Draw = Callable[[str, int], DrawnFrame]
+"""Draws a frame of a scene, by the scene's name and number, in another process."""
 
 
 @dataclass
 class FramesAhead:
     """The processes that draw an animation's frames ahead."""
 
-    shared: SharedFrames
-    held: ExitStack
-    """Resources of the folder."""
-    threads: int
+    workers: list[Worker]
+    scene: str
+    """The scene's name."""
+    frames: Sequence[int]
+    """All frames of the animation."""
+    draw: Draw
+    held: ExitStack = field(default_factory=ExitStack)
+    """The folder with the .blend that all processes draw from."""
+    threads: int = field(default_factory=limits.chosen_threads)
     """That the user lets work side by side."""
-    jobs: list[Job] = field(default_factory=list)
+    _calls: dict[int, Call[DrawnFrame]] = field(default_factory=dict)
+    """By frame, those that are drawn elsewhere."""
     _last: tuple[int, DrawnFrame] | None = None
 
     @classmethod
-    def begin(cls, scene: bpy.types.Scene, frames: Sequence[int], count: int) -> FramesAhead:
+    def begin(cls, scene: bpy.types.Scene, frames: Sequence[int], count: int, draw: Draw) -> FramesAhead:
         """Have `count` processes draw frames of a scene ahead; UserError where they cannot be started."""
-        held = ExitStack()
-        made = cls(SharedFrames(held.enter_context(temporary_folder())), held, limits.chosen_threads())
+        made = cls([], scene.name, frames, draw)
         try:
+            blend = made.held.enter_context(temporary_folder()) / "scene.blend"
             # Files are written on the main thread, which the render waits for.
-            main_thread.call(lambda: write_blend(made.shared.blend))
-            blend = made.shared.blend
+            main_thread.call(lambda: write_blend(blend))
             for _ in range(count):
-                made.jobs.append(Job())
-                start(
-                    made.jobs[-1], blend.with_suffix(".json"), ["frames"], scene.name, one_thread=True,
-                    blend=str(blend), into=str(made.shared.folder), reach=WAITING * count,
-                    frames=[frames[0], frames[-1] + 1, scene.frame_step],
-                )  # fmt: skip
+                made.workers.append(Worker())
+                start(made.workers[-1], ["frames"], scene.name, one_thread=True, blend=blend)
             limits.limit_threads(1)
         except BaseException:
             made.end()
@@ -161,24 +92,43 @@ class FramesAhead:
         if self._last is not None and self._last[0] == frame:
             # Each view layer of a scene asks for it.
             return self._last[1]
-        self.shared.go_on_to(frame)
         while True:
             checkpoint()
-            for job in self.jobs:
-                # A process waits while its pipe is full.
-                job.poll()
-            with self.shared.claimed(frame) as is_nobodys:
-                if self.shared.is_there(frame):
-                    self._last = frame, self.shared.take(frame)
-                    return self._last[1]
-                if is_nobodys:
+            self._go_on_to(frame)
+            call = self._calls.get(frame)
+            if call is None or not (call.is_begun or call.ended):
+                # A frame that was not begun is drawn here.
+                self._go_on_to(frame + 1)
+                return None
+            if call.ended:
+                del self._calls[frame]
+                if call.error is not None:
                     return None
+                self._last = frame, call.result()
+                return self._last[1]
             time.sleep(LOOK)
+
+    def _go_on_to(self, frame: int) -> None:
+        """Cancel frames before this one, and give the next ones to the processes with the fewest."""
+        for worker in self.workers:
+            worker.poll()
+        for number, call in [*self._calls.items()]:
+            if number < frame or isinstance(call.error, Ended):
+                call.cancel()
+                del self._calls[number]
+        following = (each for each in self.frames if each > frame)
+        for _, number in zip(range(WAITING * len(self.workers)), following, strict=False):
+            running = [worker for worker in self.workers if worker.is_running]
+            least = min(running, key=lambda worker: len(worker.calls), default=None)
+            if number not in self._calls and least is not None and len(least.calls) < GIVEN:
+                self._calls[number] = least.call(partial(self.draw, self.scene, number))
 
     def end(self) -> None:
         """End the processes, without waiting for it, and remove what they have drawn."""
         limits.limit_threads(self.threads)
-        end_meanwhile(self.jobs, self.held.close)
+        for worker in self.workers:
+            worker.leave()
+        self.held.close()
 
 
 _ahead: FramesAhead | None = None
@@ -186,8 +136,8 @@ _is_tried = False
 """True if the present animation was prepared."""
 
 
-def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int) -> DrawnFrame | None:
-    """Return a frame of an animation, by the scene's number, that another process draws.
+def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int, draw: Draw) -> DrawnFrame | None:
+    """Return a frame of an animation, by the scene's number, that another process draws by `draw`.
 
     None where it is to be drawn here. With the animation's first frame processes begin, if its pictures have
     enough `pixels` for that.
@@ -201,7 +151,7 @@ def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int) -> DrawnFrame |
             count, render = jobs.fitting(pixels), scene.render
             count = min(count, render.threads) if render.threads_mode == "FIXED" else count
             if count > 1 and len(frames) >= jobs.LEAST_SHARE:
-                _ahead = FramesAhead.begin(scene, frames, count)
+                _ahead = FramesAhead.begin(scene, frames, count, draw)
         return None if _ahead is None else _ahead.frame(frame)
     except (OSError, UserError):
         # Such as a full disk: the frames can be drawn here as well.

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from ...core.base import limits, memory
 from ...core.base.counting import ranges
 from ...core.base.errors import UserError
-from ...core.base.job import Job, end
 from ...core.base.messages import Progress, Warned
+from ...core.base.worker import Worker, end
 
 TRIES = 2
 """How often a share is begun before its frames are given up."""
@@ -20,8 +20,8 @@ LEAST_SHARE = 8
 PROCESS, A_PIXEL = 900 * memory.MB, 1500
 """Bytes that a process takes at its peak, and for each pixel of a frame besides: one that finds depth and
 draws it took 1.2 GB at 640x360 and 2.2 GB at 1280x720 (the largest resident set, of one thread)."""
-Start = Callable[[Job, Sequence[int], int], None]
-"""Has another process do a job, which renders frames as the share of this number."""
+Start = Callable[[Worker, Sequence[int], int], None]
+"""Starts another process, which renders frames as the share of this number."""
 Here = Callable[[Sequence[int], Callable[[int], None]], None]
 """Renders frames in this process, and reports each one."""
 
@@ -45,16 +45,16 @@ class _Share:
     todo: list[int]
     """Frames that are not reported as done."""
     tries: int = 0
-    job: Job = field(default_factory=Job)
+    worker: Worker = field(default_factory=Worker)
 
     def begin(self, start: Start) -> None:
         self.tries += 1
-        self.job = Job()
-        start(self.job, self.todo, self.number)
+        self.worker = Worker()
+        start(self.worker, self.todo, self.number)
 
     @property
     def has_failed(self) -> bool:
-        return bool(self.todo) and self.job.failure is not None
+        return bool(self.todo) and self.worker.failure is not None
 
 
 def render_side_by_side(
@@ -84,14 +84,14 @@ def render_side_by_side(
     every = own, *others = [_Share(number, todo) for number, todo in enumerate(shares(frames, count))]
 
     def listen() -> None:
-        for share in [share for share in every if share.job.is_running]:
-            for message in share.job.poll():
+        for share in [share for share in every if share.worker.is_running]:
+            for message in share.worker.poll():
                 if isinstance(message, Progress) and message.frame in share.todo:
                     share.todo.remove(message.frame)
                     done(message.frame)
                 elif isinstance(message, Warned):
                     note(message.text)
-            if not share.job.is_running and share.has_failed and share.tries < TRIES:
+            if not share.worker.is_running and share.has_failed and share.tries < TRIES:
                 share.begin(start)
 
     def drawn(frame: int) -> None:
@@ -111,15 +111,15 @@ def render_side_by_side(
                 here(list(own.todo), drawn)
         except UserError:
             own.begin(start)
-        while any(share.job.is_running for share in every):
+        while any(share.worker.is_running for share in every):
             listen()
             time.sleep(LOOK)
     finally:
-        end([share.job for share in every])
+        end([share.worker for share in every])
     failed = [share for share in every if share.has_failed]
     if failed:
         lost = sorted(frame for share in failed for frame in share.todo)
-        whys = [share.job.failure for share in failed if share.job.failure is not None]
+        whys = [share.worker.failure for share in failed if share.worker.failure is not None]
         remedies = {remedy for why in whys for remedy in why.remedies}
         raise UserError(
             f"frames {ranges(lost)} could not be finished: {'; '.join(sorted({why.text for why in whys}))}",

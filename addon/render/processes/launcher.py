@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 import gpu
 
 from ...core.base import limits
-from ...core.base.atomic import staged, temporary_folder, write_bytes
-from ...core.base.calls import Caller, Named
+from ...core.base.atomic import staged
 from ...core.base.errors import UserError
-from ...core.base.job import Job, Leaving, end_meanwhile
+from ...core.base.messages import Warned
+from ...core.base.streams import say_to
+from ...core.base.worker import Worker
 from ..views.quiet import quiet
 
 HEADLESS = Path(__file__).resolve().parents[2] / "headless.py"
 JOB = "--job"
-"""Before the file of a job, instead of a command."""
+"""Instead of a command, which the parent sends."""
 BACKENDS = {"METAL", "OPENGL", "VULKAN"}
 """Blender's GPU backends but that without a GPU."""
 ENDS = b"ENDB", b"\xb1\xea\x92\x8f"
@@ -48,26 +47,24 @@ def _backend() -> list[str]:
 
 
 def start(
-    job: Job,
-    file: Path,
+    worker: Worker,
     arguments: Sequence[object],
     scene: str = "",
     one_thread: bool = False,
     yields: bool = True,
     **more: object,
 ) -> None:
-    """Have another process of this command line do a job, which it reads in a file.
+    """Start another process of this command line.
 
     A window goes first, unless the user waits for the process (`yields`).
 
     `arguments` are those of a command, or the name of one of `engine_jobs.JOBS`; people cannot ask for a
-    .blend's `scene` and for `more`. UserError where the file cannot be written, and as of `Job.start`.
+    .blend's `scene` and for `more`. UserError as of `Worker.start`.
     """
     told = {"arguments": [str(each) for each in arguments], "scene": scene, **more}
     told["scripts"] = not bpy.app.autoexec_fail
-    write_bytes(file, json.dumps(told).encode())
     environment = os.environ | (limits.ONE_THREAD if one_thread else {})
-    job.start([*launcher(), JOB, str(file)], yields and not bpy.app.background, environment)
+    worker.start([*launcher(), JOB], told, yields and not bpy.app.background, environment)
 
 
 def write_blend(blend: Path) -> None:
@@ -95,40 +92,36 @@ class CalledProcess:
     def __init__(self, program: str = "process") -> None:
         """Set its name in errors."""
         self._program = program
-        self._caller: Caller | None = None
-        self._held = ExitStack()
-
-    @property
-    def job(self) -> Job | None:
+        self.worker: Worker | None = None
         """The process, if there is one."""
-        return None if self._caller is None else self._caller.job
 
-    def started(self, start: Callable[[Job, Path], Named]) -> Caller:
-        """Return the caller of the process that runs.
+    def launch(self, worker: Worker) -> None:
+        """Start the process."""
+        raise NotImplementedError
 
-        If there is none, `start` starts it with a new folder for its calls, and returns names for `pack`.
+    def begin(self) -> Worker:
+        """Return the process that runs, or start one.
+
+        Raises:
+            UserError: It cannot be started.
         """
         self.poll()
-        if self._caller is not None and self._caller.job.is_running:
-            return self._caller
-        self.end()
-        job, folder = Job(self._program), self._held.enter_context(temporary_folder())
-        try:
-            self._caller = Caller(job, folder, start(job, folder))
-        except BaseException:
-            self._held.close()
-            raise
-        return self._caller
+        if self.worker is None or not self.worker.is_running:
+            worker = Worker(self._program)
+            self.launch(worker)
+            self.worker = worker
+        return self.worker
 
     def poll(self) -> None:
         """Read all answers."""
-        if self._caller is not None:
-            self._caller.poll()
+        if self.worker is not None:
+            for message in self.worker.poll():
+                if isinstance(message, Warned):
+                    say_to(2, f"note: {message.text}")
 
-    def end(self) -> Leaving | None:
-        """End the process without waiting for it, then remove its files; its calls are cancelled."""
-        if self._caller is None:
-            return None
-        self._caller.drop()
-        leaving, self._caller = end_meanwhile([self._caller.job], self._held.pop_all().close), None
-        return leaving
+    def end(self) -> Worker | None:
+        """End the process, which is returned, without waiting for it; its calls are cancelled."""
+        worker, self.worker = self.worker, None
+        if worker is not None:
+            worker.leave()
+        return worker

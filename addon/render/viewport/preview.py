@@ -9,10 +9,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
-from ...core.base.calls import Call, Ended, Failed
+from ...core.base.calls import Failed
 from ...core.base.errors import UserError
 from ...core.base.progress import Cancelled
 from ...core.base.streams import say_to
+from ...core.base.worker import Call, Ended
 from ...scene.base.remedy_words import WORDS
 from ..cg import cg_preview
 from ..processes.clip_process import CLIP as CLIP_PROCESS

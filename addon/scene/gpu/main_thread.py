@@ -14,8 +14,8 @@ from typing import Any
 import bpy
 import gpu
 
-from ...core.base.job import tend
 from ...core.base.progress import Cancelled, checkpoint
+from ...core.base.worker import tend
 from ..base import redraw
 
 type Steps[T] = Generator[int, None, T]

@@ -5,8 +5,8 @@ from pathlib import Path
 import bpy
 
 from ...core.base.errors import UserError
-from ...core.base.job import Job
 from ...core.base.messages import Failure
+from ...core.base.worker import Worker
 from ...core.sfm.state import STATE
 from ...render.processes.launcher import start, write_blend
 from ...scene.base import redraw
@@ -23,12 +23,24 @@ LOOK = 0.5
 """Seconds between two looks at the process."""
 
 
-class DepthAhead(Job):
+class DepthAhead(Worker):
     """The process that finds the depth of a solved clip's frames and keeps it in its working folder."""
 
     def __init__(self, work: Path) -> None:
         super().__init__()
         self.work = work
+
+    def opened(self) -> Path:
+        """Return the working folder, or a copy of a .blend with moving pixels or a colour space."""
+        settings = bpy.context.scene.virtual_aperture
+        if not settings.footage or _folder(settings) != self.work or settings.points is None:
+            return self.work
+        is_plain = not settings.colour_space and working_space() == REC_709
+        if is_plain and not (settings.masks or settings.mask or marked_of(settings)):
+            return self.work
+        blend = self.folder / "scene.blend"
+        write_blend(blend)
+        return blend
 
     @property
     def problem(self) -> str:
@@ -49,24 +61,10 @@ def begin(work: Path) -> None:
     global _ahead
     stop()
     made = DepthAhead(work)
-    file = Path(bpy.app.tempdir) / "virtual-aperture-depth.json"
-    start(made, file, ["depth", _opened(work)])
+    start(made, ["depth", made.opened()])
     _ahead = made
     _remember(work, True)
     watch(_tick, LOOK)
-
-
-def _opened(work: Path) -> Path:
-    """The working folder, or a copy of the .blend with moving pixels or a colour space of the user."""
-    settings = bpy.context.scene.virtual_aperture
-    if not settings.footage or _folder(settings) != work or settings.points is None:
-        return work
-    is_plain = not settings.colour_space and working_space() == REC_709
-    if is_plain and not (settings.masks or settings.mask or marked_of(settings)):
-        return work
-    blend = Path(bpy.app.tempdir) / "virtual-aperture-depth.blend"
-    write_blend(blend)
-    return blend
 
 
 def begin_after_solve(work: Path | None) -> None:

@@ -63,12 +63,12 @@ def begin(scene: bpy.types.Scene, what: str, folder: Path, overwrite: bool) -> E
     if not frames:
         raise UserError("the scene's range holds none of the clip's frames; set Frame Start and End to some")
     exports.check_free(exports.planned(scene, what, frames, folder), overwrite)
-    blend = Path(bpy.app.tempdir) / "virtual-aperture-export.blend"
+    made = ExportJob(folder)
+    blend = made.folder / "scene.blend"
     write_blend(blend)
     words = ["export", blend, "--what", what, "--out", folder, *["--overwrite"] * overwrite]
     words += ["--frames", f"{frames[0]}-{frames[-1]}"]
-    made = ExportJob(folder)
-    start(made, blend.with_suffix(".json"), words, scene.name)
+    start(made, words, scene.name)
     made.depth = depth_ahead.give_way()
     ExportJob.last = made
     return made

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import bpy
 
 from ...core.base.errors import UserError
-from ...core.base.job import Job
+from ...core.base.worker import Worker
 from ...core.media.picture_file import PICTURES
 from ...render.output import movie_folder
 from ...render.output.movie_file import JOINING, MOVIES, check_rate
@@ -29,7 +29,7 @@ ENDING = "_render"
 """Suffix of a movie's name after the clip's: the clip may lie beside it."""
 
 
-class MovieJob(Job):
+class MovieJob(Worker):
     """The process that renders a movie."""
 
     last: ClassVar[MovieJob | None] = None
@@ -112,10 +112,10 @@ def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieJob:
     first, last = (clip_frame(scene, at) for at in (scene.frame_start, scene.frame_end))
     check_rate(out, scene, range(first, last + 1))
     made = MovieJob(out)
-    blend = Path(bpy.app.tempdir) / "virtual-aperture-movie.blend"
+    blend = made.folder / "scene.blend"
     write_blend(blend)
     words = ["render", blend, "--out", out, "--frames", f"{first}-{last}", *["--overwrite"] * overwrite]
-    start(made, blend.with_suffix(".json"), words, scene.name, as_is=True)
+    start(made, words, scene.name, as_is=True)
     MovieJob.last = made
     return made
 

@@ -1,4 +1,10 @@
-"""Child processes that report progress and end with their parent."""
+"""Child processes that do a piece of work, or answer calls of functions, and end with their parent.
+
+Requests and reports are messages (`messages`), one a line, on the pipes of the process. Their values, such as
+arguments and results, are parcels in a folder of the process; a message that names a file follows the file.
+"""
+
+from __future__ import annotations
 
 import atexit
 import contextlib
@@ -8,10 +14,16 @@ import subprocess
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import IO
+from contextlib import ExitStack
+from functools import cached_property
+from pathlib import Path
+from typing import IO, Any
 
+from .atomic import temporary_folder
 from .errors import UserError
-from .messages import PATIENCE, Failure, Message, Progress, Result, Warned, decode
+from .messages import PATIENCE, Cancel, Failure, Message, Parcel, Progress, Result, Warned, decode, write
+from .parcel import Named, no_name, pack
+from .progress import Cancelled
 from .time_left import LEAST_SHARE, TimeLeft
 
 REMEMBERED = 20
@@ -58,8 +70,43 @@ class _Lines:
         return [line.decode("utf-8", "replace").rstrip("\r") for line in lines]
 
 
-class Job:
-    """A process that reports by `messages.speak`, as of the last `poll`; it ends with its parent.
+class Ended(UserError):  # noqa: N818
+    """The process has ended before it answered."""
+
+
+class Call[T]:
+    """A function that another process calls."""
+
+    def __init__(self, number: int, send: Callable[[Message], None]) -> None:
+        self.number, self._send = number, send
+        self.stage, self.share = "", 0.0
+        """Name of the present stage, and the finished share in [0, 1]."""
+        self.shown: list[Any] = []
+        """All that the function has shown so far."""
+        self.is_begun = self.ended = False
+        self.error: Exception | None = None
+        self._is_cancelled = False
+        self._value: list[T] = []
+
+    def result(self) -> T:
+        """Return the function's result, or raise its error."""
+        if self.error is not None:
+            raise self.error
+        return self._value[0]
+
+    def cancel(self) -> None:
+        """Call it no more: it ends at its next checkpoint."""
+        if not (self.ended or self._is_cancelled):
+            self._is_cancelled = True
+            self._send(Cancel(self.number))
+
+    def end(self, error: Exception | None, value: Sequence[T] = ()) -> None:
+        """Set the result or the error."""
+        self.error, self._value, self.ended = error, list(value), True
+
+
+class Worker:
+    """A child process that reports by `messages.speak`, as of the last `poll`.
 
     Its pipes are read by `poll` and `wait` alone, so that it may have to wait for these once they are full.
     """
@@ -78,6 +125,11 @@ class Job:
         """The reason why the work was not done."""
         self.is_running = self.is_cancelled = False
         self.process: subprocess.Popen[bytes] | None = None
+        self.naming: Named = no_name
+        """Names things in calls, as of `pack`."""
+        self.calls: dict[int, Call[Any]] = {}
+        """The calls that have not ended, in their order, by number."""
+        self._count = 0
         self._program = program
         self._first = 0.0
         self._time_left: TimeLeft | None = None
@@ -86,14 +138,38 @@ class Job:
         self._said: _Lines | None = None
         self._complained: _Lines | None = None
         self._has_ended = False
+        self._held = ExitStack()
+        self._then: Callable[[], object] | None = None
+        self._until = 0.0
+        """The process is killed then, once it was asked to end."""
+
+    @cached_property
+    def folder(self) -> Path:
+        """A folder for files of the process, which is removed at its end."""
+        return self._held.enter_context(temporary_folder())
 
     def start(
-        self, command: Sequence[str], yielding: bool = False, environment: Mapping[str, str] = os.environ
+        self,
+        command: Sequence[str],
+        request: object = None,
+        yielding: bool = False,
+        environment: Mapping[str, str] = os.environ,
     ) -> None:
-        """Start the process, with lower priority if `yielding`; raises UserError if it cannot start."""
+        """Start the process.
+
+        Args:
+            command: Its words.
+            request: The value of `messages.told` there.
+            yielding: True for a lower priority.
+            environment: Its variables.
+
+        Raises:
+            UserError: It cannot be started.
+        """
+        first = None if request is None else self._packed(request)
         try:
             process = self.process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0,
                 env={**ONE_BLAS_THREAD, **environment, "PYTHONUNBUFFERED": "1"},
                 # Ctrl-C is for the parent, which ends the process.
                 start_new_session=True,
@@ -101,12 +177,41 @@ class Job:
                 | (getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0) if yielding else 0),
             )  # fmt: skip
         except OSError as error:
+            self._held.close()
             raise UserError(f"the {self._program} cannot be started: {error.strerror}") from None
         if yielding and hasattr(os, "setpriority"):
             with contextlib.suppress(OSError):
                 os.setpriority(os.PRIO_PROCESS, process.pid, YIELDING)
         self._said, self._complained = _Lines(process.stdout), _Lines(process.stderr)
         self.is_running = True
+        _started.append(self)
+        if first is not None:
+            self._send(first)
+
+    def _packed(self, value: object) -> Parcel:
+        file = self.folder / f"{self._count:06d}"
+        try:
+            file.write_bytes(pack(value, self.naming))
+        except OSError as error:
+            raise UserError(f"{file} cannot be written: {error.strerror}") from None
+        self._count += 1
+        return Parcel(self._count - 1, str(file))
+
+    def _send(self, message: Message) -> None:
+        """Send a message: the pipe holds it until it is read."""
+        assert self.process is not None and self.process.stdin is not None
+        write(self.process.stdin, message)
+
+    def call[T](self, function: Callable[[], T]) -> Call[T]:
+        """Have a function called after the calls before, and return at once; it must be one for `pack`.
+
+        Raises:
+            UserError: The arguments cannot be written.
+        """
+        parcel = self._packed(function)
+        call = self.calls[parcel.call] = Call[T](parcel.call, self._send)
+        self._send(parcel)
+        return call
 
     def _read(self) -> None:
         """Take in the lines that have come, the last ones once the process has ended."""
@@ -126,13 +231,32 @@ class Job:
             message = self._messages.popleft()
             heard.append(message)
             self._last = message
-            if isinstance(message, Progress):
+            if isinstance(message, Parcel):
+                self._answered(message)
+            elif isinstance(message, Progress) and message.call is not None:
+                call = self.calls[message.call]
+                call.stage, call.share, call.is_begun = message.stage, message.share or 0.0, True
+            elif isinstance(message, Progress):
                 self._progressed(message)
             elif isinstance(message, Warned):
                 self.warnings.append(message.text)
         if self.is_running and self._has_ended:
             self.is_running, self.failure = False, self._why()
+            self._drop(Ended("its process ended" if self.failure is None else self.failure.text))
+            self._close()
         return heard
+
+    def _answered(self, answer: Parcel) -> None:
+        """Take in a value that a call has shown, or its end."""
+        if answer.is_last:
+            self.calls.pop(answer.call).end(*answer.take())
+        else:
+            self.calls[answer.call].shown.append(answer.take())
+
+    def _drop(self, error: Exception) -> None:
+        """End all calls with an error."""
+        while self.calls:
+            self.calls.popitem()[1].end(error)
 
     def _progressed(self, message: Progress) -> None:
         if not message.done and message.share is None:
@@ -158,10 +282,39 @@ class Job:
             self._read()
 
     def leave(self, then: Callable[[], object] | None = None) -> None:
-        """End the process without waiting, as of `end_meanwhile`; harmless if it is not running."""
-        if self.is_running:
+        """Ask the process to end, without waiting for it; harmless if it is not running.
+
+        `then` is called after its end, in `tend` or as this process ends.
+        """
+        if self.is_running and self.process is not None:
             self.is_running, self.is_cancelled = False, True
-            end_meanwhile([self], then)
+            self._drop(Cancelled())
+            self._then, self._until = then, time.monotonic() + PATIENCE
+            self.process.terminate()
+
+    def has_left(self) -> bool:
+        """Return whether a process that was asked to end has ended; kill it if that takes too long."""
+        if self.process is not None and self.process.poll() is None:
+            if time.monotonic() > self._until:
+                self.process.kill()
+            return False
+        self._close()
+        return True
+
+    def join(self, patience: float = PATIENCE) -> None:
+        """Wait for the end of a process that was asked to end; kill it after `patience` seconds."""
+        self._until = min(self._until, time.monotonic() + patience)
+        while not self.has_left():
+            time.sleep(LOOK)
+
+    def _close(self) -> None:
+        """Remove the folder of the process, which has ended, and take the next step."""
+        if self in _started:
+            _started.remove(self)
+        self._held.close()
+        then, self._then = self._then, None
+        if then is not None:
+            then()
 
     def _why(self) -> Failure | None:
         """Return the failure of a process that has ended, or None if its work is done."""
@@ -177,59 +330,27 @@ class Job:
         return Failure(f"the {self._program} ended with status {status}{said}")
 
 
-def end(jobs: Sequence[Job], patience: float = PATIENCE) -> None:
+_started: list[Worker] = []
+"""Processes that have not ended, as far as was noticed."""
+
+
+def end(workers: Sequence[Worker], patience: float = PATIENCE) -> None:
     """Terminate processes, and kill those that live after `patience` seconds."""
-    Leaving(jobs, None).join(patience)
-
-
-class Leaving:
-    """Processes that were asked to end."""
-
-    def __init__(self, jobs: Sequence[Job], then: Callable[[], object] | None) -> None:
-        self._processes = [job.process for job in jobs if job.process is not None]
-        self._then = then
-        self._until = time.monotonic() + PATIENCE
-        for process in self._processes:
-            if process.poll() is None:
-                process.terminate()
-
-    def look(self) -> bool:
-        """Return whether all have ended; the next step follows then. Kill them if that takes too long."""
-        alive = [process for process in self._processes if process.poll() is None]
-        if alive and time.monotonic() > self._until:
-            for process in alive:
-                process.kill()
-        if not alive and (then := self._then) is not None:
-            self._then = None
-            then()
-        return not alive
-
-    def join(self, patience: float = PATIENCE) -> None:
-        """Wait for the end; kill the processes that live after `patience` seconds."""
-        self._until = min(self._until, time.monotonic() + patience)
-        while not self.look():
-            time.sleep(LOOK)
-
-
-_leaving: list[Leaving] = []
-
-
-def end_meanwhile(jobs: Sequence[Job], then: Callable[[], object] | None) -> Leaving:
-    """Ask processes to end, and call `then` after that, in `tend` or as this process ends."""
-    leaving = Leaving(jobs, then)
-    _leaving.append(leaving)
-    return leaving
+    for worker in workers:
+        worker.leave()
+    for worker in workers:
+        worker.join(patience)
 
 
 def tend() -> None:
     """Look at the processes that were asked to end."""
-    _leaving[:] = [each for each in _leaving if not each.look()]
+    for worker in [each for each in _started if each.is_cancelled]:
+        worker.has_left()
 
 
 def end_all(patience: float = PATIENCE) -> None:
-    """Wait for the processes that were asked to end; kill those that live after `patience` seconds."""
-    while _leaving:
-        _leaving.pop().join(patience)
+    """Call `end` for all processes."""
+    end([*_started], patience)
 
 
 atexit.register(end_all)
