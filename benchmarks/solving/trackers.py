@@ -71,7 +71,7 @@ NAMES = (*TRACKERS, "sift")
 """All that are compared; the last is the product's own for fast motion."""
 
 
-def main(name: str, folder: str) -> int:
+def main(name: str, folder: str) -> None:
     """Solve into a folder by a tracker in place of the product's first."""
 
     def track(footage: Footage, progress: Progress, watch: Watch = lambda *_: None) -> Tracks:
@@ -80,8 +80,8 @@ def main(name: str, folder: str) -> int:
         return run(TRACKERS[name](), footage, progress, watch)
 
     vars(worker)["track_features"] = track
-    return worker.main(Path(folder))
+    worker.main(Path(folder))
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    main(*sys.argv[1:])

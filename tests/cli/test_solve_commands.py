@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -59,14 +60,14 @@ def part(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_known_lens_is_the_workers_focal_length_in_pixels(
     clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, focal: tuple[str, ...], pixels: float | None
 ) -> None:
-    """As the request says, which is not sent."""
+    """As the call says, which is not sent."""
     work, jobs = tmp_path / "work", []
 
-    def start(worker: Worker, command: list[str], job: dict[str, Any], *_: object) -> None:
-        jobs.append(job)
+    def call(_: Worker, function: partial[Any]) -> None:
+        jobs.append(function.args[0])
         raise UserError("that is enough")
 
-    monkeypatch.setattr(Worker, "start", start)
+    monkeypatch.setattr(Worker, "call", call)
     assert run("solve", clip, "--work", work, *focal) == 1
     (job,) = jobs
     assert job["lens"] == {"focal": pixels and pytest.approx(pixels, rel=1e-5), "zooms": False}

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import sys
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-from addon.core.base.errors import Remedy
-from addon.core.base.messages import Failure, Message, Result
-from addon.core.base.worker import Worker
+from addon.core.base.errors import Remedy, UserError
+from addon.core.base.worker import Worker, end
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.first_person import nearest_subject
 from addon.core.media.clip import FrameRange, open_footage
 from addon.core.readers.colmap_export import read_model
+from addon.core.sfm import worker
 from addon.core.sfm.mapping.report import STAYS, report
 from addon.core.sfm.tracking.people_left_out import outside, without_people
 from addon.core.sfm.tracking.tracks import Tracks
@@ -145,22 +146,24 @@ from addon.core.sfm.tracking.people_left_out import outside
 mask = np.zeros((240, 320), bool)
 {}
 worker.without_people = lambda tracks, footage, progress: outside(tracks, lambda frame: mask)
-sys.exit(worker.main(Path(sys.argv[1])))
+worker.main(Path(sys.argv[1]))
 """
 
 
-def solved_with_mask(clip: Path, frames: int, folder: Path, people: str = IN_PLACE) -> list[Message]:
-    """What the worker says of a clip in which people are where code puts them in a mask."""
+def solved_with_mask(clip: Path, frames: int, folder: Path, people: str = IN_PLACE) -> dict[str, Any]:
+    """The figures of a clip in which people are where code puts them in a mask."""
     folder.mkdir()
     job = {
         "footage": clip, "frames": list(range(1, frames + 1)), "video": None, "stills": False,
         "may_stay": False, "cameras": None, "pixel_aspect": 0.0, "fixed": False,
         "lens": {"focal": None, "zooms": False},
     }  # fmt: skip
-    process, messages = Worker(), list[Message]()
-    process.start([sys.executable, "-c", GIVEN.format(people), str(folder)], job)
-    until(lambda: messages.extend(process.poll()) or not process.is_running)
-    return messages
+    process = Worker()
+    process.start([sys.executable, "-c", GIVEN.format(people), str(folder)])
+    call = process.call(partial(worker.solve, job, folder))
+    until(lambda: process.poll() is not None and call.ended)
+    end([process])
+    return call.result()
 
 
 @pytest.mark.long
@@ -168,8 +171,7 @@ def test_a_clip_that_is_refused_is_solved_without_its_people(tmp_path: Path) -> 
     clip = planes.write_clip(tmp_path / "beside", followed())
     assert "the camera does not move" in refused(clip, tmp_path / "work")
 
-    assert isinstance(solved_with_mask(clip, FRAMES, tmp_path / "solve")[-1], Result)
-    report = json.loads((tmp_path / "solve" / "report.json").read_text())
+    report = solved_with_mask(clip, FRAMES, tmp_path / "solve")
     assert report["registered"] == FRAMES and report["reprojection_error"] < 0.5
     assert report["explained"] > 0.9
     assert "the people in the clip were left out of the solve" in report["notes"]
@@ -182,18 +184,17 @@ def test_a_clip_that_is_refused_is_solved_without_its_people(tmp_path: Path) -> 
 
 def test_a_clip_without_a_solution_is_refused_and_the_people_named(tmp_path: Path) -> None:
     grey = [np.full((240, 320, 3), 128, np.uint8)] * 6
-    said = solved_with_mask(planes.write_clip(tmp_path / "grey", grey), 6, tmp_path / "solve")[-1]
-    assert isinstance(said, Failure) and "features" in said.text
-    assert "the people in the clip were left out of the solve" in said.text
-    assert said.remedies == (Remedy.FRAMES,)
+    with pytest.raises(UserError, match="features") as caught:
+        solved_with_mask(planes.write_clip(tmp_path / "grey", grey), 6, tmp_path / "solve")
+    assert "the people in the clip were left out of the solve" in str(caught.value)
+    assert caught.value.remedies == (Remedy.FRAMES,)
 
 
 def test_a_still_camera_is_solved_for_the_people_before_it(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "still", [planes.view(np.zeros(3), np.zeros(3))] * 6)
     assert "the camera does not move" in refused(clip, tmp_path / "work")
 
-    assert isinstance(solved_with_mask(clip, 6, tmp_path / "solve")[-1], Result)
-    said = json.loads((tmp_path / "solve" / "report.json").read_text())
+    said = solved_with_mask(clip, 6, tmp_path / "solve")
     assert said["method"] == STAYS and said["depth_estimated"] and said["registered"] == 6
     found = read_model(tmp_path / "solve" / "model")
     assert found.stays
@@ -214,8 +215,7 @@ def test_warped_pictures_with_little_parallax_are_solved_for_their_people(tmp_pa
         moved[TOP:, 140:] = np.roll(planes.pattern(180, 240 - TOP, 9), 3 * step, 0)[..., None]
         pictures.append(moved)
     clip = planes.write_clip(tmp_path / "warped", pictures)
-    assert isinstance(solved_with_mask(clip, FRAMES, tmp_path / "solve", "mask[:, 130:] = True")[-1], Result)
-    said = json.loads((tmp_path / "solve" / "report.json").read_text())
+    said = solved_with_mask(clip, FRAMES, tmp_path / "solve", "mask[:, 130:] = True")
     assert said["method"] == STAYS and said["depth_estimated"] and said["registered"] == FRAMES
 
 

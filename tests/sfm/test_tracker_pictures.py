@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from addon.core.base.messages import Seen, decode, encode
 from addon.core.media.light import encode_srgb
 from addon.core.sfm.tracking import tracker_pictures
-from addon.core.sfm.tracking.tracker_pictures import MOST, WIDTH, Watch, decoded, encoded
+from addon.core.sfm.tracking.tracker_pictures import MOST, WIDTH, Sight, Watch, sight_of
 
 
 def test_a_frame_and_its_features_come_as_they_are() -> None:
@@ -17,9 +16,7 @@ def test_a_frame_and_its_features_come_as_they_are() -> None:
     assert np.allclose(encode_srgb(linear), ramp, atol=1e-3)
     rng = np.random.default_rng(0)
     places = rng.random((2000, 2))
-    line = decode(encode(encoded(linear, places)))
-    assert isinstance(line, Seen)
-    sight = decoded(line)
+    sight = sight_of(linear, places)
     assert sight.picture.shape == (WIDTH * 1080 // 1920, WIDTH, 3)
     assert np.allclose(sight.picture / 255, np.linspace(0, 1, WIDTH)[None, :, None], atol=0.03)
     assert MOST / 2 < len(sight.places) <= MOST
@@ -28,14 +25,14 @@ def test_a_frame_and_its_features_come_as_they_are() -> None:
 
 
 def test_no_features_and_small_frames_are_told() -> None:
-    sight = decoded(encoded(np.full((90, 160, 3), 200, np.uint8), np.zeros((0, 2))))
+    sight = sight_of(np.full((90, 160, 3), 200, np.uint8), np.zeros((0, 2)))
     assert sight.picture.shape == (90, 160, 3) and sight.places.shape == (0, 2)
 
 
 def test_not_every_frame_is_told(monkeypatch) -> None:
     now = [100.0]
     monkeypatch.setattr(tracker_pictures.time, "monotonic", lambda: now[0])
-    told: list[Seen] = []
+    told: list[Sight] = []
     watch = Watch(told.append)
     for _ in range(100):
         watch(np.zeros((9, 16, 3), np.uint8), np.zeros((0, 2)))

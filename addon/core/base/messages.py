@@ -45,16 +45,6 @@ class Warned:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """A frame and its features, shown to the user during the work."""
-
-    picture: str
-    """The frame, small, as JPEG in base 64."""
-    places: list[list[float]]
-    """x and y of the features as fractions of the picture, (0, 0) top left."""
-
-
-@dataclass(frozen=True)
 class Result:
     """The work is done, and its files are complete and in place."""
 
@@ -66,15 +56,11 @@ class Failure:
     text: str
     """One line for the user."""
     remedies: tuple[Remedy, ...] = ()
-    traceback: str = ""
-    """Traceback of a bug; empty for a problem that the user can solve."""
 
     @property
     def error(self) -> UserError:
-        """The failure as an error; a bug's traceback is its cause."""
-        error = UserError(self.text, *self.remedies)
-        error.__cause__ = RuntimeError(self.traceback) if self.traceback else None
-        return error
+        """The failure as an error."""
+        return UserError(self.text, *self.remedies)
 
 
 @dataclass(frozen=True)
@@ -102,9 +88,9 @@ class Cancel:
     call: int
 
 
-Message = Progress | Warned | Seen | Result | Failure | Parcel | Cancel
+Message = Progress | Warned | Result | Failure | Parcel | Cancel
 _KINDS: dict[str, type[Message]] = {
-    "progress": Progress, "warning": Warned, "seen": Seen, "result": Result, "error": Failure,
+    "progress": Progress, "warning": Warned, "result": Result, "error": Failure,
     "parcel": Parcel, "cancel": Cancel,
 }  # fmt: skip
 _NAMES = {kind: name for name, kind in _KINDS.items()}

@@ -1,17 +1,18 @@
 """Solving a clip in a worker process."""
 
-import json
 import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ..base.atomic import collect_temporary
+from ..base.calls import Failed
 from ..base.errors import Remedy, UserError
-from ..base.messages import Progress, Seen
-from ..base.worker import Worker, end
+from ..base.messages import Progress
+from ..base.worker import Call, Worker, end
 from ..camera.focal_length import Focal, in_pixels
 from ..depth.placed_points import placed
 from ..depth.user_maps import DepthMaps, open_depth
@@ -23,7 +24,8 @@ from ..readers.matching import Imported
 from .mapping.known_poses import thinned
 from .mapping.report import STAYS
 from .state import MODEL, Staging
-from .tracking.tracker_pictures import Sight, decoded
+from .tracking.tracker_pictures import Sight
+from .worker import solve
 from .workspace import check_import, check_replaceable, imported_from, is_solved
 
 END = 0.3
@@ -91,6 +93,7 @@ class SolveProcess:
         self._yields = yielding
         self._cameras = cameras
         self._job = Worker("solving process")
+        self._call: Call[dict[str, Any]] | None = None
         self._staging: Staging | None = None
         self.finished = False
         self.sight: Sight | None = None
@@ -160,7 +163,8 @@ class SolveProcess:
             "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
             "cameras": held,
         }
-        self._job.start([*self._command(), str(folder)], job, self._yields, environment())
+        self._job.start([*self._command(), str(folder)], None, self._yields, environment())
+        self._call = self._job.call(partial(solve, job, folder))
 
     def _command(self) -> list[str]:
         """Command of the worker, without the folder that it solves into."""
@@ -174,16 +178,21 @@ class SolveProcess:
         """
         steps: list[SolveProgress] = []
         for message in self._job.poll():
-            if isinstance(message, Progress):
+            if isinstance(message, Progress) and message.call is None:
                 step = f" {message.done}/{message.total}" if message.total > 1 else ""
                 steps.append(SolveProgress(message.stage + step, message.share or 0.0, self._job.left))
-            elif isinstance(message, Seen):
-                self.sight = decoded(message)
-        if self._staging is not None and not self._job.is_running:
-            if self._job.failure is not None:
-                self.cancel()
-                raise self._job.failure.error
-            self._keep()
+        if self._call is not None and self._call.shown:
+            self.sight = self._call.shown.pop()
+            self._call.shown.clear()
+        if self._staging is not None and self._call is not None and self._call.ended:
+            self._job.leave()
+            try:
+                self._keep(self._call.result())
+            except Failed as error:
+                text, trace = error.args
+                raise UserError(f"solving failed: {text}") from RuntimeError(trace)
+            finally:
+                self._clean()
         return steps
 
     def wait(self, report: Callable[[SolveProgress], None] = lambda _: None) -> None:
@@ -198,16 +207,12 @@ class SolveProcess:
         end([self._job], END)
         self._clean()
 
-    def _keep(self) -> None:
+    def _keep(self, said: dict[str, Any]) -> None:
         assert self._staging is not None
-        said = json.loads((self._staging.folder / "report.json").read_text(encoding="utf-8"))
         self._options["stills"] = said["stills"]
-        try:
-            if said["method"] == STAYS and self._maps is not None:
-                self._place(self._staging.folder / MODEL, self._maps)
-            self._staging.keep(self.clip, self._identity, self._options, said)
-        finally:
-            self._clean()
+        if said["method"] == STAYS and self._maps is not None:
+            self._place(self._staging.folder / MODEL, self._maps)
+        self._staging.keep(self.clip, self._identity, self._options, said)
         self.finished = True
 
     def _place(self, model: Path, maps: DepthMaps) -> None:

@@ -1,13 +1,11 @@
 """The solving worker: `python -m addon.core.sfm.worker FOLDER`, a child process by `base.messages`."""
 
 import contextlib
-import json
 import os
 import shutil
 import signal
 import sys
 import time
-import traceback
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.calls import serve, show
 from ..base.errors import Remedy, UserError
 from ..base.file_lock import FolderLock
-from ..base.messages import Failure, Progress, Result, send, speak, told
+from ..base.messages import Progress, send, speak
 from ..camera.focal_length import from_equivalent, is_plausible
 from ..camera.reconstruction import Reconstruction, upright
 from ..media import picture_file
@@ -75,23 +74,14 @@ PATIENCE = 5.0
 """Seconds in which a process that ends has let go of all that it held."""
 
 
-def main(folder: Path) -> int:
-    """Solve a clip, as the parent requests, into a folder; 0, or 1 after a failure was sent."""
+def main(folder: Path) -> None:
+    """Answer calls of `solve`; the folder is removed if the parent ends."""
     speak(lambda: _end_alone(folder))
-    try:
-        _solve(told(), folder)
-    except UserError as error:
-        send(Failure(str(error), remedies=error.remedies))
-        return 1
-    except Exception as error:  # the parent shows it: a worker must never die silently
-        text = f"solving failed: {type(error).__name__}: {error}"
-        send(Failure(text, traceback=traceback.format_exc()))
-        return 1
-    send(Result())
-    return 0
+    serve()
 
 
-def _solve(job: dict[str, Any], folder: Path) -> None:
+def solve(job: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Solve a clip into a folder, in the worker process, and return the report's figures."""
     began = time.monotonic()
     # After cv2 has been imported, and with pycolmap's own handler for SIGTERM, which can hang, taken out.
     from .mapping import incremental_mapping
@@ -115,7 +105,7 @@ def _solve(job: dict[str, Any], folder: Path) -> None:
         visible = visible_points(result, footage, progress=_progress)
         keep_visible(model, visible)
         said = {"visible": [len(each) for each in visible.values()], **said}
-    report = {
+    return {
         "registered": len(result.images),
         "points": len(result.points),
         "reprojection_error": float(result.points.error.mean()),
@@ -128,7 +118,6 @@ def _solve(job: dict[str, Any], folder: Path) -> None:
         "versions": incremental_mapping.versions(),
         "seconds": round(time.monotonic() - began, 1),
     }
-    (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -171,7 +160,7 @@ def _solve_photos(footage: Footage, job: dict[str, Any]) -> _Found:
 
 def _solve_clip(footage: Footage, job: dict[str, Any]) -> _Found:
     """Cameras and points of a clip."""
-    tracker, tracks = "harris", _of_scene(track_features(footage, _progress, Watch(send)), footage)
+    tracker, tracks = "harris", _of_scene(track_features(footage, _progress, Watch(show)), footage)
     if (jumps := cuts(tracks)) and (job["cameras"] or are_bridged(footage, jumps)):
         # Known cameras connect shots. A fast motion of the camera loses corners, but not keypoints.
         tracker, tracks = "sift", _of_scene(match_features(footage, _progress), footage)
@@ -350,4 +339,4 @@ def _exr(path: Path | bytes) -> NDArray[np.float32]:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1])))
+    main(Path(sys.argv[1]))

@@ -1,6 +1,7 @@
 """Pictures of the tracker's work, small enough to be sent to the process that waits for the solve."""
 
-import base64
+from __future__ import annotations
+
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Bytes, Floats
-from ...base.messages import Seen
 from ...media.light import to_rgb8
 from ...media.picture_file import Pixels
 
@@ -18,14 +18,12 @@ WIDTH, MOST = 480, 500
 """Pixels across of a picture, and features in it. Chosen by inspection: enough to follow the work."""
 EVERY = 0.5
 """Seconds between two pictures; a redraw takes 0.06 to 0.3 s in software OpenGL, beside the solve."""
-QUALITY = 80
-"""Quality of the JPEG: 20 to 40 KB. Chosen by inspection."""
 
 
 class Watch:
     """Tells what is seen, now and then; called with every frame."""
 
-    def __init__(self, tell: Callable[[Seen], object]) -> None:
+    def __init__(self, tell: Callable[[Sight], object]) -> None:
         self._tell, self._told = tell, -EVERY
 
     def __call__(self, picture: Pixels, places: Floats) -> None:
@@ -34,7 +32,7 @@ class Watch:
         if now - self._told < EVERY:
             return
         self._told = now
-        self._tell(encoded(picture, places))
+        self._tell(sight_of(picture, places))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,23 +45,13 @@ class Sight:
     """(n, 2) features as fractions of the picture, (0, 0) top left."""
 
 
-def encoded(picture: Pixels, places: Floats) -> Seen:
-    """Encode a frame (H, W, 3 or 4) as stored, with places (n, 2) in it as fractions of its size.
+def sight_of(picture: Pixels, places: Floats) -> Sight:
+    """Return a frame (H, W, 3 or 4) as stored, made small, with places (n, 2) as fractions of its size.
 
     Many places are thinned out evenly.
     """
     height, width = picture.shape[:2]
     size = min(WIDTH, width), max(1, round(min(WIDTH, width) * height / width))
     small = cv2.resize(to_rgb8(picture), size, interpolation=cv2.INTER_AREA)
-    jpeg = cv2.imencode(".jpg", small[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
     some = places[:: -(-len(places) // MOST) or 1]
-    return Seen(base64.b64encode(jpeg.tobytes()).decode(), np.round(some, 4).tolist())
-
-
-def decoded(seen: Seen) -> Sight:
-    """Return the same, to be shown."""
-    jpeg = np.frombuffer(base64.b64decode(seen.picture), np.uint8)
-    picture = cv2.imdecode(jpeg, cv2.IMREAD_COLOR)
-    assert picture is not None, "the worker sends whole pictures"
-    places = np.array(seen.places, np.float32).reshape(-1, 2)
-    return Sight(np.ascontiguousarray(picture[..., ::-1]).astype(np.uint8), places)
+    return Sight(small.astype(np.uint8), some.astype(np.float32))
