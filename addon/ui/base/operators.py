@@ -31,6 +31,11 @@ def classes_of(*modules: ModuleType) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
+def label_of(cls: type) -> str:
+    """Return the label of a class of ours by its name: Find Clip for VIRTUAL_APERTURE_OT_find_clip."""
+    return cls.__name__[len("VIRTUAL_APERTURE_OT_") :].replace("_", " ").title()
+
+
 def polls(*conditions: Condition) -> Any:
     """Return an operator's `poll` of conditions, which are asked in order."""
     return classmethod(lambda cls, context: all(condition(cls, context) for condition in conditions))
@@ -131,11 +136,12 @@ def reported(
 
 
 class Named:
-    """A mixin of operators: Blender calls VIRTUAL_APERTURE_OT_solve virtual_aperture.solve."""
+    """A mixin of operators: VIRTUAL_APERTURE_OT_find_clip is virtual_aperture.find_clip, Find Clip."""
 
     def __init_subclass__(cls: Any) -> None:
         super().__init_subclass__()
         cls.bl_idname = cls.__name__.replace("_OT_", ".").lower()
+        cls.bl_label = vars(cls).get("bl_label") or label_of(cls)
 
     def once_more(self: Any, **changed: object) -> None:
         """Call the operator again in the window, with its properties but those that are `changed`."""

@@ -40,8 +40,6 @@ class ShowsClips:
 class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, Edits, bpy.types.Operator):  # noqa: N801
     """Choose a video, any image of a sequence, or a folder of images"""
 
-    bl_label = "Choose Clip"
-
     poll = polls(may_change)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:

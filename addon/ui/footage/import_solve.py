@@ -103,7 +103,6 @@ def find_points(found: Imported, clip: Path) -> Result:
 class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
     """Track the clip's features and place them in 3D from its known cameras"""
 
-    bl_label = "Find Points"
     bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
 
     wanted: tuple[Imported, Path] | None = None
@@ -156,8 +155,6 @@ class ImportsFile(Import):
 
 class VIRTUAL_APERTURE_OT_import_solve(ImportsFile, bpy.types.Operator):  # noqa: N801
     """Import the clip's cameras, and points if there are any, from another program or a phone"""
-
-    bl_label = "Import Solve"
 
     filter_glob: bpy.props.StringProperty(
         default="*.bin;*.txt;*.out;*.nvm;*.json;*.npz;*.r3d;*.csv", options={"HIDDEN"}
@@ -216,8 +213,6 @@ def _clip_items(_operator: Any, _context: bpy.types.Context | None) -> list[tupl
 class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa: N801
     """Import the camera and tracks of a movie clip solved in the Movie Clip Editor"""
 
-    bl_label = "Import Movie Clip"
-
     clip: bpy.props.EnumProperty(
         name="Movie Clip", description="Movie clip in this file with a solved camera", items=_clip_items
     )
@@ -239,8 +234,6 @@ class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa:
 
     Its motion and lens are kept, and points are found for it
     """
-
-    bl_label = "Use Scene Camera"
 
     camera: bpy.props.StringProperty(
         name="Camera", description="Camera of this scene with the motion the clip was filmed with",

@@ -41,7 +41,6 @@ def _photos(_operator: bpy.types.Operator, context: bpy.types.Context | None) ->
 class VIRTUAL_APERTURE_OT_show_photo(Edits, bpy.types.Operator):  # noqa: N801
     """Choose which photo is shown, and rendered by Render Image"""
 
-    bl_label = "Show Photo"
     bl_property = "photo"
 
     photo: bpy.props.EnumProperty(name="Photo", description="File name of the photo", items=_photos)

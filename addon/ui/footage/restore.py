@@ -22,8 +22,6 @@ from .solve import build_scene, is_kept
 class VIRTUAL_APERTURE_OT_restore_objects(Edits, bpy.types.Operator):  # noqa: N801
     """Bring back the camera, the points and other objects of the solve that were deleted"""
 
-    bl_label = "Restore Objects"
-
     poll = polls(
         may_change, requires(lambda c: parts.missing(c.scene), "No objects of the solve are missing")
     )
@@ -46,8 +44,6 @@ class VIRTUAL_APERTURE_OT_restore_objects(Edits, bpy.types.Operator):  # noqa: N
 class VIRTUAL_APERTURE_OT_restore_camera(Edits, bpy.types.Operator):  # noqa: N801
     """Undo all changes of the clip's camera, which renders ignore"""
 
-    bl_label = "Restore Camera"
-
     poll = polls(may_change, requires(lambda c: edits(c.scene), "The clip's camera is as it was solved"))
 
     def act(self, context: bpy.types.Context) -> str:
@@ -67,7 +63,6 @@ def _footage(settings: bpy.types.PropertyGroup) -> Footage | None:
 class VIRTUAL_APERTURE_OT_find_clip(ShowsClips, Acts, bpy.types.Operator):  # noqa: N801
     """Locate the solved clip after it was moved. Solve, focus and background stay as they are"""
 
-    bl_label = "Find Clip"
     bl_options = {"UNDO"}  # noqa: RUF012
 
     filepath: bpy.props.StringProperty(

@@ -24,8 +24,6 @@ class VIRTUAL_APERTURE_OT_add_grade_nodes(Edits, bpy.types.Operator):  # noqa: N
     """Add a compositor node with exposure, saturation and haze for the range; your own nodes and links stay
     as they are"""
 
-    bl_label = "Add Grade Nodes"
-
     poll = polls(may_change, has_solve)
 
     def act(self, context: bpy.types.Context) -> str:

@@ -158,8 +158,6 @@ def _on_open(*_: object) -> None:
 class VIRTUAL_APERTURE_OT_find_depth(Acts, bpy.types.Operator):  # noqa: N801
     """Find and keep the depth of all frames in the background, so that renders start faster"""
 
-    bl_label = "Find Depth"
-
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         found = of(context.scene.virtual_aperture)

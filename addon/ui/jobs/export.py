@@ -153,7 +153,6 @@ class VIRTUAL_APERTURE_OT_export(Acts, bpy.types.Operator):  # noqa: N801
 class VIRTUAL_APERTURE_OT_cancel_export(movie.Cancels, bpy.types.Operator):  # noqa: N801
     """End the export. Files that are complete are kept"""
 
-    bl_label = "Cancel Export"
     job, said = ExportJob, "The export was cancelled; complete files are kept"
 
     poll = polls(requires(lambda _: ExportJob.under_way(), "Nothing is being exported"))

@@ -151,7 +151,6 @@ class Cancels(Named):
 class VIRTUAL_APERTURE_OT_cancel_movie(Cancels, bpy.types.Operator):  # noqa: N801
     """End rendering the movie. Nothing of it is kept"""
 
-    bl_label = "Cancel Movie"
     job, said = MovieJob, "The movie was cancelled; nothing was written"
 
     poll = polls(requires(lambda _: MovieJob.under_way(), "No movie is being rendered"))

@@ -26,7 +26,6 @@ def work() -> movie.MovieJob | None:
 class VIRTUAL_APERTURE_OT_close_blender(Named, bpy.types.Operator):  # noqa: N801
     """Close Blender, which ends the movie or the export that is being made"""
 
-    bl_label = "Close Blender"
     bl_options = {"INTERNAL"}  # noqa: RUF012
 
     poll = polls(requires(lambda _: work(), "Nothing is being rendered or exported"))

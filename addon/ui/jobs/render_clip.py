@@ -56,8 +56,6 @@ def output_problem(scene: bpy.types.Scene) -> str:
 class VIRTUAL_APERTURE_OT_use_clip_size(Edits, bpy.types.Operator):  # noqa: N801
     """Set the output resolution to the clip's. The percentage stays"""
 
-    bl_label = "Use Clip Size"
-
     poll = polls(may_change, has_solve)
 
     def act(self, context: bpy.types.Context) -> None:
@@ -87,14 +85,11 @@ class _Render(Acts):
 class VIRTUAL_APERTURE_OT_render_frame(_Render, bpy.types.Operator):  # noqa: N801
     """Render the current frame with depth of field"""
 
-    bl_label = "Render Frame"
-
 
 class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N801
     """Render all frames of the scene's range with depth of field: as a movie with the clip's sound, or as
     frames to the scene's output"""
 
-    bl_label = "Render Clip"
     animation = True
 
     overwrite: bpy.props.BoolProperty(

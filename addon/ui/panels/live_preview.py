@@ -21,7 +21,6 @@ DIM = (1.0, 1.0, 1.0, 0.7)
 class VIRTUAL_APERTURE_OT_preview(Acts, bpy.types.Operator):  # noqa: N801
     """Show the frame with depth of field in this viewport, updated as you change settings"""
 
-    bl_label = "Preview"
     # Not UNDO: it changes the viewport, and nothing of the scene but the engine, which solving has set.
 
     @classmethod

@@ -1,19 +1,26 @@
 """Common code of the panels of the sidebar."""
 
+from typing import Any
+
 import bpy
 
 from ...scene.base import version
+from ..base.operators import label_of
 
 PRIMARY = 1.4
 """Height of the button that a panel is about."""
 
 
 class Panel:
-    """A panel in the sidebar of the 3D viewport."""
+    """A panel in the sidebar of the 3D viewport, labelled by its name unless it has another label."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Virtual Aperture"
+
+    def __init_subclass__(cls: Any) -> None:
+        super().__init_subclass__()
+        cls.bl_label = vars(cls).get("bl_label") or label_of(cls)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -10,8 +10,6 @@ from .panel import ClosedPanel, split
 
 
 class VIRTUAL_APERTURE_PT_preview(ClosedPanel, bpy.types.Panel):  # noqa: N801
-    bl_label = "Preview"
-
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = split(self.layout)
@@ -25,8 +23,6 @@ class VIRTUAL_APERTURE_PT_preview(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_PT_render(ClosedPanel, bpy.types.Panel):  # noqa: N801
-    bl_label = "Render"
-
     def draw(self, context: bpy.types.Context) -> None:
         scene = context.scene
         layout = split(self.layout)
@@ -58,7 +54,6 @@ def output_words(scene: bpy.types.Scene) -> str:
 
 
 class VIRTUAL_APERTURE_PT_passes(ClosedPanel, bpy.types.Panel):  # noqa: N801
-    bl_label = "Passes"
     bl_parent_id = "VIRTUAL_APERTURE_PT_render"
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -12,8 +12,6 @@ from .panel import ClosedPanel, split
 
 
 class VIRTUAL_APERTURE_PT_clip(ClosedPanel, bpy.types.Panel):  # noqa: N801
-    bl_label = "Clip"
-
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = split(self.layout)
@@ -30,7 +28,6 @@ class VIRTUAL_APERTURE_PT_clip(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_PT_import(ClosedPanel, bpy.types.Panel):  # noqa: N801
-    bl_label = "Import"
     bl_parent_id = "VIRTUAL_APERTURE_PT_clip"
 
     def draw(self, _context: bpy.types.Context) -> None:
@@ -46,8 +43,6 @@ class VIRTUAL_APERTURE_PT_import(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_PT_solve(ClosedPanel, bpy.types.Panel):  # noqa: N801
-    bl_label = "Solve"
-
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = split(self.layout)

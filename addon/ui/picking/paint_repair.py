@@ -28,8 +28,6 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
     The stroke is carried through the clip. [ and ] change the size of the brush
     """
 
-    bl_label = "Paint Repair"
-
     places: STROKE
     reference: bpy.props.StringProperty(
         name="Reference",
@@ -135,8 +133,6 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
 
 class VIRTUAL_APERTURE_OT_remove_repair(Edits, bpy.types.Operator):  # noqa: N801
     """Remove the active repair"""
-
-    bl_label = "Remove Repair"
 
     poll = polls(
         may_change,

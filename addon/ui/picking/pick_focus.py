@@ -22,8 +22,6 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
     Shift adds places, Ctrl removes them
     """
 
-    bl_label = "Pick Focus"
-
     add: ADD_MARK
     x: bpy.props.FloatProperty(
         name="X",

@@ -56,8 +56,6 @@ class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa
     All of it lights up, and is marked in all frames. Shift extends it, Ctrl takes parts away
     """
 
-    bl_label = "Pick Subject"
-
     new: bpy.props.BoolProperty(
         name="New Subject",
         description="Mark another subject instead of the active one",

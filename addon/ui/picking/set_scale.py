@@ -30,8 +30,6 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
     """Click both ends of something whose length you know, in the camera view, then type that length: f-stops
     and distances are true from then on"""
 
-    bl_label = "Set Scale"
-
     start: _place("Start", "One end")  # type: ignore[valid-type]
     end: _place("End", "The other end")  # type: ignore[valid-type]
     length: bpy.props.FloatProperty(
