@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Concatenate
 
 import bpy
 
@@ -18,8 +18,6 @@ Result = set[str]
 Condition = Callable[[Any, bpy.types.Context], bool]
 """Takes an operator's class and the context."""
 NO_CAMERA = "The camera was deleted; Restore Objects, under Details, brings it back"
-LOOK = 0.1
-"""Seconds between two looks at another process."""
 
 
 def classes_of(*modules: ModuleType) -> tuple[Any, ...]:
@@ -36,9 +34,14 @@ def label_of(cls: type) -> str:
     return cls.__name__[len("VIRTUAL_APERTURE_OT_") :].replace("_", " ").title()
 
 
+def each_of(*conditions: Condition) -> Condition:
+    """Return a condition that is met where all of some are, which are asked in order."""
+    return lambda cls, context: all(condition(cls, context) for condition in conditions)
+
+
 def polls(*conditions: Condition) -> Any:
     """Return an operator's `poll` of conditions, which are asked in order."""
-    return classmethod(lambda cls, context: all(condition(cls, context) for condition in conditions))
+    return classmethod(each_of(*conditions))
 
 
 def may_change(cls: Any, context: bpy.types.Context) -> bool:
@@ -83,14 +86,13 @@ def requires(is_true: Callable[[bpy.types.Context], object], message: str) -> Co
 is_idle = requires(lambda _: running_solve() is None, "A clip is being solved; ESC cancels it")
 has_clip = requires(lambda c: c.scene.virtual_aperture.footage, "Choose a clip first")
 has_solve = requires(lambda c: c.scene.virtual_aperture.points is not None, "Solve the clip first")
-"""Polls: no clip is being solved; a clip is chosen; the scene holds a solved clip."""
-
-
-def has_focus(cls: Any, context: bpy.types.Context) -> bool:
-    """Poll: the scene holds a solved clip and something is in focus."""
-    settings = context.scene.virtual_aperture
-    message = "Pick what should be sharp first, with Pick Focus"
-    return has_solve(cls, context) and is_met(cls, is_in_focus(settings), message)
+has_focus = each_of(
+    has_solve,
+    requires(
+        lambda c: is_in_focus(c.scene.virtual_aperture), "Pick what should be sharp first, with Pick Focus"
+    ),
+)
+"""Polls: no clip is being solved; a clip is chosen; the scene holds a solved clip; something is in focus."""
 
 
 def has_points(cls: Any, context: bpy.types.Context) -> bool:
@@ -120,14 +122,12 @@ def refused(error: RuntimeError) -> UserError:
     return UserError(str(error).removeprefix("Error: ").strip())
 
 
-def reported(
-    execute: Callable[[Any, bpy.types.Context], Result],
-) -> Callable[[Any, bpy.types.Context], Result]:
+def reported[**P](method: Callable[Concatenate[Any, P], Result]) -> Callable[Concatenate[Any, P], Result]:
     """Turn a UserError into the operator's error report, which scripts see as RuntimeError."""
 
-    def wrapped(self: Any, context: bpy.types.Context) -> Result:
+    def wrapped(self: Any, /, *given: P.args, **named: P.kwargs) -> Result:
         try:
-            return execute(self, context)
+            return method(self, *given, **named)
         except UserError as error:
             self.report({"ERROR"}, error.worded(WORDS))
             return {"CANCELLED"}
@@ -144,9 +144,16 @@ class Named:
         cls.bl_label = vars(cls).get("bl_label") or label_of(cls)
 
     def once_more(self: Any, **changed: object) -> None:
-        """Call the operator again in the window, with its properties but those that are `changed`."""
+        """Call the operator again in the window, with its properties but those that are `changed`.
+
+        Raises:
+            UserError: As of that call.
+        """
         call = getattr(bpy.ops.virtual_aperture, type(self).__name__.partition("_OT_")[2])
-        call("INVOKE_DEFAULT", **self.as_keywords() | changed)
+        try:
+            call("INVOKE_DEFAULT", **self.as_keywords() | changed)
+        except RuntimeError as error:
+            raise refused(error) from None
 
 
 class Acts(Named):

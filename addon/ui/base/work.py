@@ -11,14 +11,12 @@ from ...core.base.errors import UserError
 from ...core.base.time_left import TimeLeft
 from ...render.processes.clip_process import CLIP, ClipProcess
 from ...render.viewport.viewport import PREVIEW
-from ...scene.base.remedy_words import WORDS
-from .operators import Acts, Result, reported
+from .meanwhile import Meanwhile
+from .operators import Acts, Result
 from .text import left_words
 
-LOOK = 0.05
-"""Seconds between two looks at the work."""
 SOON = 0.005
-"""The same for a look that waits."""
+"""Seconds between two looks at work that is waited for."""
 
 
 class Work[T]:
@@ -84,7 +82,7 @@ class Work[T]:
         self._pause.close()
 
 
-class WorksMeanwhile(Acts):
+class WorksMeanwhile(Meanwhile, Acts):
     """An operator with a computation in another process, progress in the status bar and ESC to cancel.
 
     The result is brought into the scene in one undo step; until then the scene is not touched.
@@ -92,7 +90,6 @@ class WorksMeanwhile(Acts):
 
     doing = ""
     """Words for the status bar."""
-    _timer: bpy.types.Timer | None = None
     _work: Work[Any] | None = None
     _under_way = False
     """Class attribute of the mixin: only one works at a time."""
@@ -105,54 +102,37 @@ class WorksMeanwhile(Acts):
         """Bring the result into the scene; returns a line about it, or raises UserError."""
         raise NotImplementedError
 
+    # Without a window it is computed in this process.
+    execute = Acts.execute
+
     def act(self, context: bpy.types.Context) -> str:
         return self.finish(context.scene, self.work(context)())
 
-    def invoke(self: Any, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        result: Result = self.execute(context) if bpy.app.background else self._begin(context)
-        return result
-
-    @reported
-    def _begin(self: Any, context: bpy.types.Context) -> Result:
+    def begin(self, context: bpy.types.Context) -> None:
         # The user may go to another scene meanwhile.
         self._scene = context.scene.name
         self._work = Work(self.work(context))
-        self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
-        context.window_manager.modal_handler_add(self)
         WorksMeanwhile._under_way = True
-        return {"RUNNING_MODAL"}
 
-    def modal(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if event.type == "ESC" and event.value == "PRESS":
-            self._end(context)
-            self.report({"WARNING"}, f"{self.bl_label} cancelled; nothing was changed")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        if not self._work.ended():
-            context.workspace.status_text_set(f"{self.doing} {self._work.stage}    (ESC cancels)")
-            return {"RUNNING_MODAL"}
-        self._end(context)
-        try:
-            scene = bpy.data.scenes.get(self._scene)
-            if scene is None:
-                raise UserError(f"the scene {self._scene!r} no longer exists")
-            self.report({"INFO"}, self.finish(scene, self._work.result()))
-        except UserError as error:
-            self.report({"ERROR"}, error.worded(WORDS))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+    def look(self) -> bool:
+        assert self._work is not None
+        return self._work.ended()
 
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when another file is loaded meanwhile."""
-        self._end(context)
+    def show(self, context: bpy.types.Context) -> None:
+        assert self._work is not None
+        context.workspace.status_text_set(f"{self.doing} {self._work.stage}    (ESC cancels)")
 
-    def _end(self, context: bpy.types.Context) -> None:
+    def end(self) -> None:
         WorksMeanwhile._under_way = False
         if self._work is not None:
             self._work.cancel()
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
+
+    def stopped(self: Any) -> str:
+        return f"{self.bl_label} cancelled; nothing was changed"
+
+    def conclude(self: Any) -> Result:
+        scene = bpy.data.scenes.get(self._scene)
+        if scene is None:
+            raise UserError(f"the scene {self._scene!r} no longer exists")
+        self.report({"INFO"}, self.finish(scene, self._work.result()))
+        return {"FINISHED"}

@@ -85,51 +85,33 @@ class VIRTUAL_APERTURE_OT_import_clip(ShowsClips, solve.Solves, bpy.types.Operat
     # Blender shows it where other handlers take the file, too.
     bl_label = "Solve with Virtual Aperture"
 
-    _invoked = False
-    _is_answer = False
-
     draw = VIRTUAL_APERTURE_OT_choose_clip.draw
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if bpy.app.background:
-            return self.execute(context)
-        self._invoked = True
+    def question(self, context: bpy.types.Context) -> dict[str, str]:
         settings = context.scene.virtual_aperture
-        if not self.filepath:
-            self.filepath = str(absolute(settings.footage)) if settings.footage else ""
-            context.window_manager.fileselect_add(self)
-            return {"RUNNING_MODAL"}
-        return reported(lambda _, context: self._begin(context, event))(self, context)
-
-    def _begin(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        """Solve meanwhile, or ask first whether the focus of another clip may be lost."""
-        settings = context.scene.virtual_aperture
-        clip = self._checked(context)
+        clip, _ = self.solved_clip(settings)
         if self.sure or not loses_focus(settings, clip):
-            return self.solve_meanwhile(context)
-        self._is_answer = True
-        title, message = (
-            f"Replace {settings.clip_name}?",
-            f"The focus set for {settings.clip_name} will be lost",
-        )
-        return operators.asked(self, context, event, title=title, message=message, confirm_text="Replace")
+            return {}
+        message = f"The focus set for {settings.clip_name} will be lost"
+        return {"title": f"Replace {settings.clip_name}?", "message": message, "confirm_text": "Replace"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if bpy.app.background or self.filepath:
+            return super().invoke(context, event)
+        footage = context.scene.virtual_aperture.footage
+        self.filepath, self._later = str(absolute(footage)) if footage else "", {}
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
-        self._checked(context)
-        if not self._invoked:
-            return self.solve_now(context)
-        # The file browser and the question end here; the work is for the modal operator.
-        try:
-            self.once_more(sure=self._is_answer)
-        except RuntimeError as error:
-            raise operators.refused(error) from None
-        return {"CANCELLED"}
+        # Before it is called once more, which would show the browser again.
+        self.solved_clip(context.scene.virtual_aperture)
+        return super().execute(context)
 
-    def _checked(self, context: bpy.types.Context) -> Path:
-        """The clip that was chosen; UserError where it cannot be solved now."""
+    def solved_clip(self, settings: bpy.types.PropertyGroup) -> tuple[Path, str]:
         # Not in `poll`, as in dropping models.
-        operators.check_may_change(context.scene)
+        operators.check_may_change(settings.id_data)
         if not self.filepath:
             raise UserError(
                 "no clip has been chosen; choose a video, an image of a sequence or a folder of images"
@@ -139,10 +121,6 @@ class VIRTUAL_APERTURE_OT_import_clip(ShowsClips, solve.Solves, bpy.types.Operat
             raise UserError(
                 f"a clip is being solved; wait, or cancel with ESC, then import {clip.name} again"
             )
-        return clip
-
-    def solved_clip(self, settings: bpy.types.PropertyGroup) -> tuple[Path, str]:
-        clip = clip_of(absolute(self.filepath))
         return clip, folder_for(settings, clip)
 
 

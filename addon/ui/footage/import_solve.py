@@ -110,13 +110,6 @@ class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
     # The caller has asked the question.
     again = True
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        return reported(VIRTUAL_APERTURE_OT_find_points.solve_meanwhile)(self, context)
-
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
-        return self.solve_now(context)
-
     def solved_clip(self, settings: Any) -> tuple[Path, str]:
         wanted, VIRTUAL_APERTURE_OT_find_points.wanted = self.wanted, None
         if wanted is None:

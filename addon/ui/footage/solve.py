@@ -26,7 +26,8 @@ from ...scene.focus.refocus import keep_focus, restore_focus
 from ...scene.lens import aperture_cloud
 from ...scene.lens.lens import focal_of
 from ...scene.sources.clip import footage_path, work_dir
-from ..base.operators import LOOK, Named, Result, asked, has_clip, is_idle, may_change, polls, reported
+from ..base.meanwhile import Meanwhile
+from ..base.operators import Result, has_clip, is_idle, may_change, polls
 from ..base.solving import Solving
 from ..jobs import depth_ahead, first_person
 from . import after_solve
@@ -106,7 +107,7 @@ def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
         operator.report({"INFO"}, after_solve.hidden_words(things))
 
 
-class Solves(Named):
+class Solves(Meanwhile):
     """Solve a clip, with ESC to cancel, and bring it into the scene as one undo step.
 
     Until then the scene is not touched.
@@ -119,8 +120,7 @@ class Solves(Named):
     )
 
     again = False
-    _process: Solving | None = None
-    _timer: bpy.types.Timer | None = None
+    _solving: Solving | None = None
     _scene = ""
     _folder_set = ""
     _depth: Path | None = None
@@ -131,7 +131,7 @@ class Solves(Named):
         """Return the clip to solve, and the settings' working folder."""
         raise NotImplementedError
 
-    def _start(self, context: bpy.types.Context) -> Solving:
+    def begin(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         clip, self._folder_set = self.solved_clip(settings)
         # It also looks into the folder that is about to change.
@@ -139,7 +139,7 @@ class Solves(Named):
         # The user may go to another scene meanwhile.
         self._scene = context.scene.name
         stills = settings.stills and (clip.is_dir() or is_pattern(clip))
-        return Solving(
+        self._solving = Solving(
             partial(
                 SolveProcess,
                 clip,
@@ -157,68 +157,45 @@ class Solves(Named):
             clip.name,
             None if bpy.app.background else Opening(clip, stills),
         )
+        if not bpy.app.background:
+            Solving.running = self._solving
+            context.window_manager.progress_begin(0, 100)
 
-    def solve_now(self, context: bpy.types.Context) -> Result:
-        """Solve, and wait for the result; UserError as the core's."""
-        solving = self._process = self._start(context)
-        try:
-            while not solving.finished:
-                solving.poll()
-                time.sleep(LOOK)
-        finally:
-            solving.cancel()
-        return self._finish()
+    def look(self) -> bool:
+        solving = self._solving
+        assert solving is not None
+        before, share = (solving.sight, solving.step.stage), solving.step.share
+        solving.poll()
+        if share <= LATE < solving.step.share:
+            viewport.warm(soon=True)
+        if (solving.sight, solving.step.stage) != before:
+            redraw.viewports()
+        return solving.finished
 
-    def solve_meanwhile(self: Any, context: bpy.types.Context) -> Result:
-        """Begin to solve; `modal` goes on. UserError where it cannot begin."""
-        self._process = Solving.running = self._start(context)
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(LOOK, window=context.window)
-        manager.progress_begin(0, 100)
-        manager.modal_handler_add(self)
+    def show(self, context: bpy.types.Context) -> None:
+        assert self._solving is not None
+        step = self._solving.step
+        context.window_manager.progress_update(100 * step.share)
+        context.workspace.status_text_set(f"Virtual Aperture: {step.text}    (ESC cancels)")
         redraw.panels()
-        return {"RUNNING_MODAL"}
 
-    def modal(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        assert self._process is not None
-        if event.type == "ESC":
-            self._give_up(context)
-            self.report({"WARNING"}, "Solve cancelled; nothing was changed")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        try:
-            before, share = (self._process.sight, self._process.step.stage), self._process.step.share
-            for step in self._process.poll():
-                context.window_manager.progress_update(100 * step.share)
-                context.workspace.status_text_set(f"Virtual Aperture: {step.text}    (ESC cancels)")
-                redraw.panels()
-            if share <= LATE < self._process.step.share:
-                viewport.warm(soon=True)
-            if (self._process.sight, self._process.step.stage) != before:
-                redraw.viewports()
-            if not self._process.finished:
-                return {"RUNNING_MODAL"}
-            self._end(context)
-            result: Result = self._finish()
-            return result
-        except UserError as error:
-            self._give_up(context)
-            self.report({"ERROR"}, error.worded(WORDS))
-            return {"CANCELLED"}
-        except Exception:
-            # Else the worker would go on, and the folder stay locked, without anybody to end it.
-            self._end(context)
-            raise
+    def end(self) -> None:
+        if self._solving is not None:
+            self._solving.cancel()
+        if not bpy.app.background:
+            bpy.context.window_manager.progress_end()
+            redraw.viewports()
 
-    def cancel(self, _context: bpy.types.Context) -> None:
-        """Called by Blender when another file is loaded meanwhile, or the question is answered by no."""
-        if self._process is not None:
-            self._process.cancel()
+    def give_up(self) -> None:
+        viewport.warm()
+        depth_ahead.begin_after_solve(self._depth)
 
-    def _finish(self: Any) -> Result:
-        assert self._process is not None and self._process.process is not None
-        process, scene = self._process.process, bpy.data.scenes.get(self._scene)
+    def stopped(self) -> str:
+        return "Solve cancelled; nothing was changed"
+
+    def conclude(self: Any) -> Result:
+        assert self._solving is not None and self._solving.process is not None
+        process, scene = self._solving.process, bpy.data.scenes.get(self._scene)
         if scene is None:
             raise UserError(
                 f"the scene {self._scene!r} no longer exists; its solve is kept in {process.work_dir}"
@@ -234,22 +211,6 @@ class Solves(Named):
         self.report({"INFO"}, solved_words(scene, solve.summary))
         return {"FINISHED"}
 
-    def _give_up(self, context: bpy.types.Context) -> None:
-        """End the solve without a result; depth is found again for the solve before."""
-        self._end(context)
-        viewport.warm()
-        depth_ahead.begin_after_solve(self._depth)
-
-    def _end(self, context: bpy.types.Context) -> None:
-        assert self._process is not None
-        self._process.cancel()
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-        context.window_manager.progress_end()
-        context.workspace.status_text_set(None)
-        redraw.viewports()
-
 
 class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
     """Find the clip's camera motion and feature points, and add them to the scene"""
@@ -263,28 +224,15 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
         options={"SKIP_SAVE"},
     )
 
-    _asks = False
-
     poll = polls(is_idle, may_change, has_clip)
 
     def solved_clip(self, settings: Any) -> tuple[Path, str]:
         return footage_path(settings), settings.work_dir
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
-        if self._asks:
-            # The answer to the question comes here; the work is for the modal operator.
-            self.once_more(sure=True)
-            return {"CANCELLED"}
-        return self.solve_now(context)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if bpy.app.background:
-            return self.execute(context)
+    def question(self, context: bpy.types.Context) -> dict[str, str]:
         settings = context.scene.virtual_aperture
-        if self.again and not self.sure and is_kept(settings):
-            self._asks = True
-            folder = work_dir(settings, footage_path(settings))
-            title, message = f"Replace the solve in {folder.name}?", kept_words(folder)
-            return asked(self, context, event, title=title, message=message, confirm_text="Solve Again")
-        return reported(VIRTUAL_APERTURE_OT_solve.solve_meanwhile)(self, context)
+        if not self.again or self.sure or not is_kept(settings):
+            return {}
+        folder = work_dir(settings, footage_path(settings))
+        title, message = f"Replace the solve in {folder.name}?", kept_words(folder)
+        return {"title": title, "message": message, "confirm_text": "Solve Again"}

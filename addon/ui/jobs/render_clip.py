@@ -1,6 +1,5 @@
 """Rendering the solved clip: with Blender's own render job, or as a movie."""
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +14,20 @@ from ...scene.lens.lens import frame_options
 from ...scene.sources.clip import solved_clip_path
 from ...scene.sources.shot import picture_size, reconstruction_of
 from ..base import operators
-from ..base.operators import Acts, Edits, Result, has_focus, has_solve, is_met, may_change, polls, requires
+from ..base.meanwhile import Meanwhile
+from ..base.operators import Acts, Edits, Result, each_of, has_focus, has_solve, may_change, polls, requires
 from . import depth_ahead, movie
 from .movie import MovieJob
 
 
-def can_render(cls: Any, context: bpy.types.Context) -> bool:
-    """Poll: something is in focus and the scene has a camera, without which Blender renders nothing."""
+def _has_camera(context: bpy.types.Context) -> bool:
+    """Whether the scene has a camera, without which Blender renders nothing."""
     scene = context.scene
-    is_there = any(parts.is_in(scene, camera) for camera in (scene.camera, scene.virtual_aperture.camera))
-    return has_focus(cls, context) and is_met(cls, is_there, operators.NO_CAMERA)
+    return any(parts.is_in(scene, camera) for camera in (scene.camera, scene.virtual_aperture.camera))
+
+
+can_render = each_of(has_focus, requires(_has_camera, operators.NO_CAMERA))
+"""Poll: something is in focus, and the scene has a camera."""
 
 
 def prepare_render(scene: bpy.types.Scene) -> None:
@@ -86,86 +89,55 @@ class VIRTUAL_APERTURE_OT_render_frame(_Render, bpy.types.Operator):  # noqa: N8
     """Render the current frame with depth of field"""
 
 
-class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_render_clip(Meanwhile, _Render, bpy.types.Operator):  # noqa: N801
     """Render all frames of the scene's range with depth of field: as a movie with the clip's sound, or as
     frames to the scene's output"""
 
     animation = True
+    sure_by = "overwrite"
 
     overwrite: bpy.props.BoolProperty(
         name="Overwrite", description="Replace the movie if it exists", options={"SKIP_SAVE"}
     )
 
-    _asks = False
-    _movie: MovieJob | None = None
-    _timer: bpy.types.Timer | None = None
-    _depth: Any = None
+    _movie: MovieJob
+    _depth: Path | None = None
 
     poll = polls(requires(lambda _: MovieJob.under_way() is None, "A movie is being rendered"), can_render)
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if bpy.app.background or context.scene.virtual_aperture.render_as == "FRAMES":
-            return self.execute(context)
+    def question(self, context: bpy.types.Context) -> dict[str, str]:
         out = movie.movie_path(context.scene)
-        if out.is_file() and not self.overwrite:
-            self._asks = True
-            title, message = f"Replace {out.name}?", str(out.parent)
-            return operators.asked(self, context, event, title=title, message=message, confirm_text="Replace")
-        return operators.reported(VIRTUAL_APERTURE_OT_render_clip._meanwhile)(self, context)
+        if self.overwrite or not out.is_file():
+            return {}
+        return {"title": f"Replace {out.name}?", "message": str(out.parent), "confirm_text": "Replace"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if context.scene.virtual_aperture.render_as == "FRAMES":
+            return self.execute(context)
+        return super().invoke(context, event)
 
     def execute(self, context: bpy.types.Context) -> Result:
-        if context.scene.virtual_aperture.render_as == "FRAMES":
-            return super().execute(context)
-        if self._asks:
-            # The answer to the question comes here; the work is for the modal operator.
-            self.once_more(overwrite=True)
-            return {"CANCELLED"}
-        return operators.reported(VIRTUAL_APERTURE_OT_render_clip._now)(self, context)
+        is_movie = context.scene.virtual_aperture.render_as == "MOVIE"
+        return super().execute(context) if is_movie else _Render.execute(self, context)
 
-    def _begin(self, scene: bpy.types.Scene) -> MovieJob:
-        settings = scene.virtual_aperture
+    def begin(self, context: bpy.types.Context) -> None:
+        scene, settings = context.scene, context.scene.virtual_aperture
         frame_options(settings, reconstruction_of(settings))
         check_output_path(scene)
         solved_clip_path(settings)
-        made = self._movie = movie.begin(scene, movie.movie_path(scene), self.overwrite)
+        self._movie = movie.begin(scene, movie.movie_path(scene), self.overwrite)
         self._depth = depth_ahead.give_way()
-        return made
 
-    def _now(self, context: bpy.types.Context) -> Result:
-        made = self._begin(context.scene)
-        try:
-            while made.is_running:
-                made.poll()
-                time.sleep(operators.LOOK)
-        finally:
-            made.leave(made.clear)
-        return self._finish(context)
-
-    def _meanwhile(self, context: bpy.types.Context) -> Result:
-        self._begin(context.scene)
-        self._timer = context.window_manager.event_timer_add(operators.LOOK, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        redraw.panels()
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if event.type != "TIMER" or self._movie is None:
-            return {"PASS_THROUGH"}
+    def look(self) -> bool:
         if self._movie.poll():
             redraw.panels()
-        if self._movie.is_running:
-            return {"PASS_THROUGH"}
-        context.window_manager.event_timer_remove(self._timer)
-        redraw.panels()
-        return operators.reported(VIRTUAL_APERTURE_OT_render_clip._finish)(self, context)
+        return not self._movie.is_running
 
-    def cancel(self, _context: bpy.types.Context) -> None:
-        """End the movie, but keep its finished frames: Blender closes, or loads another file."""
-        if self._movie is not None:
-            self._movie.leave()
+    def end(self) -> None:
+        # In a window Blender closes, or loads another file: finished frames are kept.
+        self._movie.leave(self._movie.clear if bpy.app.background else None)
 
-    def _finish(self, _context: bpy.types.Context) -> Result:
-        assert self._movie is not None
+    def conclude(self: Any) -> Result:
         depth_ahead.begin_after_solve(self._depth)
         for warning in self._movie.warnings:
             self.report({"WARNING"}, warning)

@@ -11,6 +11,7 @@ from ...scene.base.remedy_words import WORDS
 from ...scene.base.timeline import clip_frame
 from ...scene.focus.clicks import places, surface_at
 from ...scene.lens.depth_of_field import length_words
+from ..base.meanwhile import LOOK
 from ..base.operators import Result, sentence
 from ..base.work import Work
 from .pick_in_view import PicksInView
@@ -18,8 +19,6 @@ from .pick_view import XY, Overlay
 
 AT_ONCE = 0.05
 """Seconds in which most places are found: so long a click waits."""
-LOOK = 0.05
-"""Seconds between two looks at one that takes longer."""
 CLOSE = 25.0
 """Pixels, at a resolution scale of 1, from a click within which a picked place is meant."""
 

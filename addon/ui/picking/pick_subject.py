@@ -14,8 +14,9 @@ from ...scene.base import redraw
 from ...scene.base.timeline import clip_frame
 from ...scene.sources import subjects
 from ...scene.sources.shot import Shot, reconstruction_of
+from ..base.meanwhile import LOOK
 from ..base.operators import Result
-from ..base.work import LOOK, Work
+from ..base.work import Work
 from .pick_in_view import EXAMPLE, STROKE, PicksInView
 from .pick_view import Overlay
 
