@@ -10,20 +10,17 @@ import bpy
 
 from . import NAME
 
-_handle: Any = None
+_handles: list[Any] = []
 
 
 def register() -> None:
     """Let this Blender's `--command` know us."""
-    global _handle
-    _handle = bpy.utils.register_cli_command(NAME, _run)
+    _handles.append(bpy.utils.register_cli_command(NAME, _run))
 
 
 def unregister() -> None:
     """Undo `register`."""
-    global _handle
-    bpy.utils.unregister_cli_command(_handle)
-    _handle = None
+    bpy.utils.unregister_cli_command(_handles.pop())
 
 
 def _run(arguments: list[str]) -> int:

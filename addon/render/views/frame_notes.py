@@ -18,23 +18,21 @@ class FrameNote:
     frames: tuple[int, ...]
 
 
-_scene = ""
-_said: list[tuple[int, str]] = []
+_said: list[tuple[str, int, str]] = []
+"""Names of scenes, frames and texts."""
 
 
 def add(scene: bpy.types.Scene, frame: int, text: str) -> None:
     """Keep a note on a frame, without its number at the beginning."""
-    global _scene
-    _scene = scene.name
     if len(_said) < MOST:
-        _said.append((frame, text.removeprefix(f"Frame {frame} ")))
+        _said.append((scene.name, frame, text.removeprefix(f"Frame {frame} ")))
 
 
 def of(scene: bpy.types.Scene) -> list[FrameNote]:
     """Return the notes of the last render of this scene, each once with its frames in order."""
     found: dict[str, set[int]] = {}
-    if scene.name == _scene:
-        for frame, text in _said:
+    for name, frame, text in _said:
+        if name == scene.name:
             found.setdefault(text, set()).add(frame)
     return [FrameNote(text, tuple(sorted(frames))) for text, frames in found.items()]
 

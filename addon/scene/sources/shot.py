@@ -230,15 +230,14 @@ def reconstruction_digest(reconstruction: Reconstruction) -> str:
     return digest.hexdigest()
 
 
-_last: tuple[tuple[str, ...], Shot] | None = None
-"""One shot is kept, because every frame of an animation asks for the same one."""
-_read: tuple[str, Reconstruction] | None = None
-"""The last reconstruction that was read alone, and its identity: every edit of the lens asks for it."""
+_shots: dict[tuple[str, ...], Shot] = {}
+"""One shot is kept, by what it is made of: every frame of an animation asks for the same one."""
+_read: dict[str, Reconstruction] = {}
+"""The last reconstruction that was read, by its identity: every edit of the lens asks for it."""
 
 
 def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
     """Return the scene's shot; UserError naming what is missing. `within` as of `trouble_with`."""
-    global _last
     settings = scene.virtual_aperture
     mesh = points_mesh(settings)
     path = solved_clip_path(settings, within)
@@ -253,7 +252,8 @@ def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
         drawn.name_full if drawn else "", settings.colour_space, working_space(),
         str(settings.clip_pixel_aspect), str(settings.fixed),
     )  # fmt: skip
-    if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, clip_frame(scene)):
+    shot = _shots.get(key)
+    if shot is None or _was_redrawn(shot, drawn, clip_frame(scene)):
         reconstruction = reconstruction_of(settings)
         footage = _opened(settings, path)
         check_frames(footage)
@@ -266,24 +266,15 @@ def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
         kept = work if (work / STATE).exists() else None
         space = space_of(settings, footage)
         light = space, working_space(), from_rec_709()
-        _last = (
-            key,
-            Shot(
-                footage,
-                reconstruction,
-                depth,
-                masks,
-                shapes,
-                marked,
-                *light,
-                kept,
-                settings.fixed,
-                Path(segmenter) if segmenter else None,
-            ),
-        )
-    elif _last[1].subjects != marked:
-        _last = (key, _last[1].with_subjects(marked))
-    return _last[1]
+        own = Path(segmenter) if segmenter else None
+        shot = Shot(
+            footage, reconstruction, depth, masks, shapes, marked, *light, kept, settings.fixed, own
+        )  # fmt: skip
+    elif shot.subjects != marked:
+        shot = shot.with_subjects(marked)
+    _shots.clear()
+    _shots[key] = shot
+    return shot
 
 
 def _was_redrawn(shot: Shot, mask: bpy.types.Mask | None, frame: int) -> bool:
@@ -304,16 +295,17 @@ def _opened(settings: bpy.types.PropertyGroup, path: Path) -> Footage:
 
 def reconstruction_of(settings: bpy.types.PropertyGroup) -> Reconstruction:
     """Return the reconstruction alone, for which the footage need not be there."""
-    global _read
     mesh = points_mesh(settings)
-    if _last is not None and _last[0][0] == str(mesh.get(IDENTITY)):
-        return _last[1].reconstruction
     identity = mesh.get(IDENTITY)
     if identity is None:
         return point_cloud.read(mesh)
-    if _read is None or _read[0] != identity:
-        _read = identity, point_cloud.read(mesh)
-    return _read[1]
+    of_shots = {key[0]: shot.reconstruction for key, shot in _shots.items()}
+    if identity in of_shots:
+        return of_shots[identity]
+    if identity not in _read:
+        _read.clear()
+        _read[identity] = point_cloud.read(mesh)
+    return _read[identity]
 
 
 def picture_size(scene: bpy.types.Scene) -> tuple[int, int]:
@@ -343,5 +335,5 @@ def points_mesh(settings: bpy.types.PropertyGroup) -> bpy.types.Mesh:
 
 def forget() -> None:
     """Drop the kept shot and its open video file."""
-    global _last, _read
-    _last = _read = None
+    _shots.clear()
+    _read.clear()

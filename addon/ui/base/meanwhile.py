@@ -56,11 +56,14 @@ class Meanwhile(Named):
         """Return a line for the user whose ESC ends the work; empty where ESC does not."""
         return ""
 
-    @reported
     def invoke(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if bpy.app.background:
             result: Result = self.execute(context)
             return result
+        return reported(lambda own, context: own._open(context, event))(self, context)
+
+    def _open(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        """Ask the question, or begin."""
         if words := self.question(context):
             self._later = {self.sure_by: True}
             return asked(self, context, event, **words)

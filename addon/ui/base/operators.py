@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Concatenate
+from typing import Any
 
 import bpy
 
@@ -15,6 +15,8 @@ from ...scene.lens.lens import is_in_focus
 from .solving import running_solve
 
 Result = set[str]
+Item = tuple[str, str, str]
+"""Identifier, name and tooltip of an enumeration's item."""
 Condition = Callable[[Any, bpy.types.Context], bool]
 """Takes an operator's class and the context."""
 NO_CAMERA = "The camera was deleted; Restore Objects, under Details, brings it back"
@@ -122,17 +124,30 @@ def refused(error: RuntimeError) -> UserError:
     return UserError(str(error).removeprefix("Error: ").strip())
 
 
-def reported[**P](method: Callable[Concatenate[Any, P], Result]) -> Callable[Concatenate[Any, P], Result]:
+def reported(
+    execute: Callable[[Any, bpy.types.Context], Result],
+) -> Callable[[Any, bpy.types.Context], Result]:
     """Turn a UserError into the operator's error report, which scripts see as RuntimeError."""
 
-    def wrapped(self: Any, /, *given: P.args, **named: P.kwargs) -> Result:
+    def wrapped(self: Any, context: bpy.types.Context) -> Result:
         try:
-            return method(self, *given, **named)
+            return execute(self, context)
         except UserError as error:
             self.report({"ERROR"}, error.worded(WORDS))
             return {"CANCELLED"}
 
     return wrapped
+
+
+def listed(items: Callable[[bpy.types.Context], list[Item]]) -> Callable[[Any, Any], list[Item]]:
+    """Return a function for an enumeration's items, whose strings it keeps: Blender has no hold of them."""
+    kept: list[Item] = []
+
+    def listing(_operator: Any, context: bpy.types.Context | None) -> list[Item]:
+        kept[:] = items(context or bpy.context)
+        return kept
+
+    return listing
 
 
 class Named:

@@ -194,13 +194,9 @@ def solved_clips() -> list[bpy.types.MovieClip]:
     ]
 
 
-_items: list[tuple[str, str, str]] = []
-"""Blender keeps no hold of an enumeration's strings."""
-
-
-def _clip_items(_operator: Any, _context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
-    _items[:] = [(clip.name, clip.name, clip.filepath) for clip in solved_clips()]
-    return _items
+@operators.listed
+def _clip_items(_context: bpy.types.Context) -> list[operators.Item]:
+    return [(clip.name, clip.name, clip.filepath) for clip in solved_clips()]
 
 
 class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa: N801

@@ -9,10 +9,7 @@ from ...core.media.sequence import is_pattern
 from ...scene.base.timeline import go_to
 from ...scene.solve.point_cloud import is_ordered
 from ...scene.sources.shot import shot_of
-from ..base.operators import Edits, Result, has_solve, polls, requires
-
-_items: list[tuple[str, str, str]] = []
-"""Blender keeps no reference to the strings of a list that is made when it is asked for."""
+from ..base.operators import Edits, Item, Result, has_solve, listed, polls, requires
 
 
 def may_be_photos(settings: bpy.types.PropertyGroup) -> bool:
@@ -26,16 +23,14 @@ def are_photos(settings: bpy.types.PropertyGroup) -> bool:
     return settings.points is not None and not is_ordered(settings.points.data)
 
 
-def _photos(_operator: bpy.types.Operator, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
+@listed
+def _photos(context: bpy.types.Context) -> list[Item]:
     """The photos that have a camera, by the names of their files."""
-    global _items
     try:
-        shot = shot_of((context or bpy.context).scene)
+        shot = shot_of(context.scene)
     except UserError:
         return []
-    frames = shot.reconstruction.frames.tolist()
-    _items = [(str(frame), shot.footage.file(frame).name, "") for frame in frames]
-    return _items
+    return [(str(frame), shot.footage.file(frame).name, "") for frame in shot.reconstruction.frames.tolist()]
 
 
 class VIRTUAL_APERTURE_OT_show_photo(Edits, bpy.types.Operator):  # noqa: N801

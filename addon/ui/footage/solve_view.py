@@ -17,8 +17,8 @@ SHARE = 0.9
 """Share of the free part of a viewport that the picture covers."""
 SIZE = 3.0
 """Pixels across of a feature, at a resolution scale of 1."""
-_shown: tuple[Sight, Any] | None = None
-"""The shown sight, and the texture of its picture."""
+_shown: list[tuple[Sight, Any]] = []
+"""The shown sight, and the texture of its picture; empty without one."""
 
 
 def place(free: Rectangle, width: int, height: int) -> Rectangle:
@@ -32,22 +32,21 @@ def place(free: Rectangle, width: int, height: int) -> Rectangle:
 
 def draw() -> None:
     """Draw the clip, while it is being solved."""
-    global _shown
     running = running_solve()
     sight = None if running is None else running.sight
     if running is None or sight is None:
-        _shown = None
+        _shown.clear()
         return
-    if _shown is None or _shown[0] is not sight:
+    if not _shown or _shown[0][0] is not sight:
         encoded = np.flipud(np.insert(sight.picture / np.float32(255), 3, 1.0, axis=2))
-        _shown = sight, upload(encoded.astype(np.float32))
+        _shown[:] = [(sight, upload(encoded.astype(np.float32)))]
     context = bpy.context
     scale = context.preferences.system.ui_scale
     # The scene holds another clip, or an old solve.
     fill((0.0, 0.0, float(context.region.width), float(context.region.height)))
     height, width = sight.picture.shape[:2]
     where = place(free_part(context.area, context.region), width, height)
-    draw_texture(_shown[1], where)
+    draw_texture(_shown[0][1], where)
     _draw_features(sight, where, SIZE * scale)
     # The panel shows the progress: drawing all this for it would take time from the solve.
     draw_message(f"{running.step.stage} (ESC cancels)", context.area, context.region, scale)

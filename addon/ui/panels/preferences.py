@@ -30,21 +30,20 @@ KNOWN = (
     "IS-Net (isnet-general-use.onnx) and U2-Net (u2net.onnx) are known. They are not part of the extension:"
     " check that their terms allow your use"
 )
-_trial = ""
-"""The reason why the chosen segmenter cannot be used."""
+_refused: dict[str, str] = {}
+"""The reasons why segmenters cannot be used, by their paths."""
 
 
 def _segmenter_chosen(_preferences: bpy.types.AddonPreferences, _context: bpy.types.Context) -> None:
     """Try the segmenter on a test picture, and have the scenes use it that have none."""
-    global _trial
-    _trial = ""
     segmenter = preferences.preferred_segmenter()
+    _refused.clear()
     if not segmenter:
         return
     try:
         Segmenter(Path(segmenter)).check()
     except UserError as error:
-        _trial = str(error)
+        _refused[segmenter] = str(error)
         return
     for scene in bpy.data.scenes:
         settings = scene.virtual_aperture
@@ -97,7 +96,8 @@ class VIRTUAL_APERTURE_preferences(bpy.types.AddonPreferences):  # noqa: N801
         layout.prop(self, "kept_depth")
         layout.prop(self, "threads")
         layout.prop(self, "segmenter")
-        wrapped(layout, context, _trial or KNOWN, icon="ERROR" if _trial else "INFO")
+        trial = _refused.get(preferences.preferred_segmenter(), "")
+        wrapped(layout, context, trial or KNOWN, icon="ERROR" if trial else "INFO")
 
 
 class VIRTUAL_APERTURE_OT_delete_depth(Acts, bpy.types.Operator):  # noqa: N801

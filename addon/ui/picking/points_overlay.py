@@ -25,8 +25,8 @@ PICKED_COLOUR, RIM_COLOUR = (0.25, 1.0, 0.35, 1.0), (0.0, 0.0, 0.0, 1.0)
 NEARER = 1e-4
 """Share of the depth range by which points are drawn nearer to the viewer, as Blender draws its own."""
 Colours = NDArray[np.float32]
-_batches: tuple[Any, Any, Any] | None = None
-"""The source of the drawing, the batch of all points, and that of the picked ones or None."""
+_batches: dict[tuple[object, ...], tuple[Any, Any]] = {}
+"""The batch of all points, and that of the picked ones or None, by what they are made of."""
 
 
 def places_and_colours(mesh: bpy.types.Mesh) -> tuple[NDArray[np.float32], Colours]:
@@ -62,11 +62,10 @@ def is_shown(context: bpy.types.Context) -> bool:
 
 def draw() -> None:
     """Draw the points of the scene."""
-    global _batches
     context = bpy.context
     if not is_shown(context):
         # Edits of the mesh are not reported: it is drawn anew afterwards.
-        _batches = None
+        _batches.clear()
         return
     points = context.scene.virtual_aperture.points
     everything, picked = _made(context.scene.virtual_aperture)
@@ -102,15 +101,15 @@ def _draw_points(batch: Any, size: float, colour: tuple[float, ...] | None = Non
 
 def _made(settings: Any) -> tuple[Any, Any]:
     """The batches, made anew where the mesh or what is picked in it has changed."""
-    global _batches
     mesh = settings.points.data
     chosen = focus_of_settings(settings).points
     key = (mesh.session_uid, str(mesh.get(IDENTITY)), len(mesh.vertices), chosen)
-    if _batches is None or _batches[0] != key:
+    if key not in _batches:
         places, colours = places_and_colours(mesh)
         here = places[picked_vertices(mesh, chosen)]
-        _batches = (key, _batch(places, colours), _batch(here) if len(here) else None)
-    return _batches[1:]
+        _batches.clear()
+        _batches[key] = _batch(places, colours), _batch(here) if len(here) else None
+    return _batches[key]
 
 
 def _batch(places: Floats | NDArray[np.float32], colours: Colours | None = None) -> Any:
