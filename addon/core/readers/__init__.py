@@ -59,6 +59,8 @@ SUPPORTED = (
 )
 SUFFIXES = (".out", ".nvm", ".txt", ".json", ".npz", ".r3d")
 """Suffixes of the files examined in a folder without a COLMAP model."""
+ENDINGS = (".bin", *SUFFIXES)
+"""Suffixes of all files of models."""
 
 
 def read_reconstruction(path: Path, footage: Footage) -> Imported:

@@ -11,6 +11,7 @@ from ...core.base.errors import UserError
 from ...core.media.clip_identity import is_clip, is_same_clip
 from ...core.media.picture_file import PICTURES
 from ...core.media.sequence import pattern_of
+from ...core.readers import ENDINGS
 from ...core.sfm.state import STATE, read_state
 from ...scene.base.paths import absolute, relative
 from ...scene.lens.lens import is_in_focus
@@ -18,9 +19,6 @@ from ...scene.sources.clip import work_dir
 from ..base import operators, solving
 from ..base.operators import Edits, Result, may_change, polls, reported
 from . import import_solve, solve
-
-MODELS = (".bin", ".txt", ".out", ".nvm", ".json", ".npz", ".r3d")
-"""Endings of the models that other programs write."""
 
 
 class ShowsClips:
@@ -175,7 +173,7 @@ class VIRTUAL_APERTURE_FH_model(_OnViewport, bpy.types.FileHandler):  # noqa: N8
     bl_idname = "VIRTUAL_APERTURE_FH_model"
     bl_label = "Virtual Aperture Solve"
     bl_import_operator = VIRTUAL_APERTURE_OT_drop_model.bl_idname
-    bl_file_extensions = ";".join(MODELS)
+    bl_file_extensions = ";".join(ENDINGS)
 
 
 def _draw_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:

@@ -7,7 +7,7 @@ import bpy
 
 from ...core.base.errors import UserError
 from ...core.media.clip import Footage, open_footage
-from ...core.readers import read_reconstruction, recorded_clip, recorded_depth
+from ...core.readers import ENDINGS, read_reconstruction, recorded_clip, recorded_depth
 from ...core.readers.matching import Imported
 from ...core.sfm.workspace import SolveThereError, check_import, keep_import
 from ...scene.sources.clip import footage_path, work_dir
@@ -150,7 +150,7 @@ class VIRTUAL_APERTURE_OT_import_solve(ImportsFile, bpy.types.Operator):  # noqa
     """Import the clip's cameras, and points if there are any, from another program or a phone"""
 
     filter_glob: bpy.props.StringProperty(
-        default="*.bin;*.txt;*.out;*.nvm;*.json;*.npz;*.r3d;*.csv", options={"HIDDEN"}
+        default=";".join(f"*{ending}" for ending in (*ENDINGS, ".csv")), options={"HIDDEN"}
     )
 
     poll = polls(may_change, is_idle)
