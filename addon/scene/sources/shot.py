@@ -231,7 +231,7 @@ def reconstruction_digest(reconstruction: Reconstruction) -> str:
 
 
 _shots: dict[tuple[str, ...], Shot] = {}
-"""One shot is kept, by what it is made of: every frame of an animation asks for the same one."""
+"""One shot is kept, by its parts: every frame of an animation asks for the same one."""
 _read: dict[str, Reconstruction] = {}
 """The last reconstruction that was read, by its identity: every edit of the lens asks for it."""
 

@@ -162,7 +162,7 @@ class Named:
         """Call the operator again in the window, with its properties but those that are `changed`.
 
         Raises:
-            UserError: As of that call.
+            UserError: The call is refused.
         """
         call = getattr(bpy.ops.virtual_aperture, type(self).__name__.partition("_OT_")[2])
         try:

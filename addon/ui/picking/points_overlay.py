@@ -26,7 +26,7 @@ NEARER = 1e-4
 """Share of the depth range by which points are drawn nearer to the viewer, as Blender draws its own."""
 Colours = NDArray[np.float32]
 _batches: dict[tuple[object, ...], tuple[Any, Any]] = {}
-"""The batch of all points, and that of the picked ones or None, by what they are made of."""
+"""The batch of all points, and that of the picked ones or None, by mesh and picks."""
 
 
 def places_and_colours(mesh: bpy.types.Mesh) -> tuple[NDArray[np.float32], Colours]:
