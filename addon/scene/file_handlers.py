@@ -8,10 +8,11 @@ import numpy as np
 
 from ..core.focus.focus import Focus
 from ..core.focus.place import Place
+from ..core.focus.pull import EASINGS, FocusMark
 from .base import paths
 from .base.events import at
 from .base.version import VERSION
-from .focus.kept_places import at_distance, fill, packed
+from .focus.kept_marks import at_distance
 from .lens import lens
 
 POINTS = 0
@@ -71,8 +72,8 @@ def _take_focus_over(settings: bpy.types.PropertyGroup) -> None:
     group: Any = stored.get("marks") or {}
     is_first = bool(group.pop("is_first", False)) if group else False
     for mark, old in zip(settings.marks.items, group.get("items", ()), strict=True):
-        if places := old.pop("places", None):
-            mark.kept = packed([_place(each, is_first) for each in places])
+        if "frame" in old:
+            _take_mark_over(mark, old, is_first)
     if not {"focus_by", "focus_points"} & set(stored.keys()):
         return
     points = tuple(each.get("point", 0) for each in stored.pop("focus_points", ()))
@@ -83,12 +84,23 @@ def _take_focus_over(settings: bpy.types.PropertyGroup) -> None:
     if points == settings.marks.points and has_place:
         return
     # Points or a distance that a command or a script had set.
-    with lens.writing():
-        marks.clear()
-        mark = marks.add()
-        mark.frame = frame
-        focus = Focus(points, through_points=settings.focus_through_points)
-        fill(mark, [Place(focus, frame, distance, "points") if points else at_distance(distance, frame)])
+    marks.clear()
+    focus = Focus(points, through_points=settings.focus_through_points)
+    place = Place(focus, frame, distance, "points") if points else at_distance(distance, frame)
+    marks.add().fill(FocusMark(frame, (place,)))
+
+
+def _take_mark_over(mark: bpy.types.PropertyGroup, old: Any, is_first: bool) -> None:
+    """Keep a mark by what version 1.0 stored of it."""
+    frame, distance = old.pop("frame"), mark.distance
+    places = [_place(each, is_first) for each in old.pop("places", ())] or [at_distance(distance, frame)]
+    easing, pull, holds = (
+        list(EASINGS)[old.pop("easing", 0)],
+        old.pop("pull", 0),
+        bool(old.pop("holds", False)),
+    )
+    mark.fill(FocusMark(frame, tuple(places), easing, pull, holds, mark.name))
+    mark.distance = distance
 
 
 def _place(old: Any, is_first: bool) -> Place:

@@ -23,10 +23,10 @@ def aperture_changed(settings: bpy.types.PropertyGroup, _context: bpy.types.Cont
 
 
 def _distance_set(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    if not lens.is_writing():
-        with lens.writing():
-            focus_marks.on_distance(settings)
+    if focus_marks.have_distance(settings):
         aperture_changed(settings, context)
+    else:
+        focus_marks.take_distance(settings)
 
 
 def _blur_set(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:

@@ -104,15 +104,13 @@ def held_by(scene: bpy.types.Scene) -> dict[str, Any]:
 
 def main() -> None:
     import addon
-    from addon.scene.lens import lens
 
     addon.register()
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.collection.objects.link(bpy.data.objects.new("Kept", bpy.data.meshes.new("Kept")))
-    with lens.writing():
-        for group in parts(scene).values():
-            fill(group)
+    for group in parts(scene).values():
+        fill(group)
     scene.render.engine = ENGINE
     version = tomllib.loads((ROOT / "blender_manifest.toml").read_text())["version"]
     STORED.mkdir(exist_ok=True)

@@ -16,7 +16,7 @@ from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark
 from addon.scene.build import build
 from addon.scene.focus import focus_curve, focus_marks
-from addon.scene.focus.kept_places import marks_of
+from addon.scene.focus.focus_marks import marks_of
 from addon.scene.focus.refocus import keep_focus, restore_focus
 from addon.scene.lens import lens
 from addon.scene.solve.camera import curves_of

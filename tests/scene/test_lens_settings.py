@@ -209,15 +209,13 @@ def test_the_blur_waits_for_a_focus(settings, shot) -> None:
 
 
 def test_files_without_a_radius_render_as_before(scene, shot, settings) -> None:
-    with lens.writing():
-        settings.focus_distance = 6.0
-        settings.blur = 0.04
+    settings.focus_distance = 6.0
+    settings.blur = 0.04
     expected = radius_for_blur(shot.reconstruction, Focus(distance=6.0), 1, 0.04)
     assert radii(scene, shot) == [pytest.approx(expected, rel=1e-5)] * 5
     # Whatever was keyed there counts, too.
     scene.keyframe_insert("virtual_aperture.blur", frame=1)
-    with lens.writing():
-        settings.blur = 0.08
+    settings.blur = 0.08
     scene.keyframe_insert("virtual_aperture.blur", frame=5)
     found = radii(scene, shot)
     assert found[0] == pytest.approx(expected, rel=1e-5)

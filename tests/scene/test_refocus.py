@@ -122,11 +122,11 @@ def test_points_distance_aperture_and_keys_are_kept(
     set_focus(settings, Focus(PICKED), 2)
     settings.aperture_radius = 0.1
     distance = settings.focus_distance
-    with lens.writing():
-        for frame, value in ((1, 4.0), (4, 8.0)):
-            settings.focus_distance = value
-            settings.keyframe_insert("focus_distance", frame=frame)
-        settings.focus_distance = distance
+    settings.keyframe_insert("focus_distance", frame=1)
+    for frame, value in ((1, 4.0), (4, 8.0)):
+        settings.focus_distance = value
+        settings.keyframe_insert("focus_distance", frame=frame)
+    settings.focus_distance = distance
     assert again(settings, solved_anew(old), tmp_path) == ""
     assert len(settings.marks.points) == 4 and settings.marks.items[0].frame == 2
     assert settings.focus_distance == pytest.approx(3 * distance, rel=0.01)

@@ -28,8 +28,8 @@ def lost(before: Any, now: Any, path: str = "") -> list[str]:
     return [] if before == now else [f"{path}: {before!r} is {now!r}"]
 
 
-def taken_over(before: Any) -> tuple[Any, ...]:
-    """Take what marks have taken over out of the values of 1.0.0; the place of its mark."""
+def taken_over(before: Any) -> tuple[dict[str, Any], tuple[Any, ...]]:
+    """Take what marks have taken over out of the values of 1.0.0; the fields of its mark, and its place."""
     settings, enums = before["values"]["scene"], before["enums"]["scene"]
     # Two methods are gone since.
     assert (enums["method"].pop("grid"), enums["method"].pop("edges")) == (3, 4)
@@ -41,10 +41,11 @@ def taken_over(before: Any) -> tuple[Any, ...]:
     assert settings.pop("follows_blur")
     (mark,) = settings["marks"]["items"]
     (place,) = mark.pop("places")
+    views = {name: mark.pop(name) for name in ("frame", "easing", "pull", "holds")}
     assert place["points"] == [{"point": 1}] and place["through_points"] and place["has_world"]
     assert place["xy"][0] < 0
     focus = Focus((1,), through_points=True)
-    return focus, place["frame"], place["distance"], place["source"], place["world"]
+    return views, (focus, place["frame"], place["distance"], place["source"], place["world"])
 
 
 def test_there_is_one_of_the_first_release() -> None:
@@ -58,8 +59,9 @@ def test_the_settings_of_a_release_are_there(registered: None, file: Path) -> No
     assert scene.render.engine == stored_settings.ENGINE
     before = json.loads(file.with_suffix(".json").read_text())
     if file.stem == "1.0.0":
-        taken = taken_over(before)
+        views, taken = taken_over(before)
         (mark,) = scene.virtual_aperture.marks.items
+        assert {name: getattr(mark, name) for name in views} == views
         (place,) = mark.places
         assert (place.focus, place.frame, place.distance, place.source, list(place.world)) == taken
         assert place.xy is None and scene.virtual_aperture.marks.is_first

@@ -13,6 +13,7 @@ from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark
 from addon.scene.build import build
 from addon.scene.focus import focus_marks
+from addon.scene.focus.kept_marks import at_distance
 from addon.ui.focus.focus_strip import GAP, SIDE, Strip, spread
 
 from ..scenes import LENS, slanted_shot
@@ -51,7 +52,7 @@ def strip(scene: bpy.types.Scene) -> Strip:
     """Marks at frames 1, 21 and 22 of 1 to 41, between pixels 100 and 956 at a resolution scale of 1."""
     scene.frame_start, scene.frame_end = 1, 41
     for frame in (1, 21, 22):
-        scene.virtual_aperture.marks.items.add().frame = frame
+        scene.virtual_aperture.marks.items.add().fill(FocusMark(frame, (at_distance(5.0, frame),)))
     return Strip.over(100, 956, 0, 1.0, scene)
 
 

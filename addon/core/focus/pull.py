@@ -27,6 +27,8 @@ class FocusMark:
     """Frames before the mark in which it goes there; 0 takes all since the mark before."""
     holds: bool = False
     """True if the distance at the mark's own frame is kept; otherwise its places are followed."""
+    name: str = ""
+    """Name for users; empty for one by what is in focus."""
 
     @classmethod
     def of(cls, place: Place) -> FocusMark:

@@ -59,10 +59,7 @@ def remove(settings: bpy.types.PropertyGroup) -> None:
     settings.marks.written = ""
     if curve is None:
         return
-    shown = settings.focus_distance
     curves_of(settings.id_data).remove(curve)
-    with lens.writing():
-        settings.focus_distance = shown
 
 
 def is_users(settings: bpy.types.PropertyGroup) -> bool:

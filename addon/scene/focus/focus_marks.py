@@ -4,10 +4,10 @@ One mark gives a constant focus. A distance that changes over the clip is writte
 distance (`focus_curve.py`); feature points alone are followed without keys.
 """
 
-from __future__ import annotations
-
+import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import bpy
 import numpy as np
@@ -25,13 +25,13 @@ from ...core.camera.reconstruction import Reconstruction
 from ...core.depth.sparse import point_inverse_depths
 from ...core.focus.focus import Focus
 from ...core.focus.place import Place, first_place
-from ...core.focus.pull import FocusMark, unseen
+from ...core.focus.pull import EASINGS, FocusMark, unseen
 from ..base.option_properties import hidden
 from ..base.timeline import clip_frame
-from ..lens import lens
+from ..lens import aperture_cloud, lens
 from ..sources.shot import reconstruction_of
 from . import focus_curve
-from .kept_places import at_distance, fill, marks_of, unpacked
+from .kept_marks import at_distance, name_of, packed, unpacked
 
 NEARER = 3.0
 """Times that the first focus may come nearer before it stays at its distance instead. In a clip of a
@@ -39,30 +39,18 @@ restaurant the camera passes its points: at their distance, discs of all else ar
 picture."""
 
 
-def _rewrite(mark: VirtualApertureFocusMark, _context: bpy.types.Context) -> None:
-    if not lens.is_writing():
-        write(mark.id_data.virtual_aperture)
-
-
-def _moved(mark: VirtualApertureFocusMark, _context: bpy.types.Context) -> None:
-    if lens.is_writing():
-        return
-    settings = mark.id_data.virtual_aperture
-    others = {other.frame for other in settings.marks.items if other != mark}
-    frame = mark.frame
-    with lens.writing():
-        # There is one mark at a frame: past others it goes on.
-        while frame in others:
-            frame += 1
-        mark.frame = frame
-        _sort(settings, frame)
-    write(settings)
-
-
 class VirtualApertureFocusMark(bpy.types.PropertyGroup):
-    """The focus at a frame; `name` is the source of its distance."""
+    """The focus at a frame; `name` is the source of its distance.
 
-    frame: IntProperty(name="Frame", description="Frame at which this is in focus", update=_moved)
+    The mark is stored in `kept`; frame, easing, pull and hold are views of it.
+    """
+
+    frame: IntProperty(
+        name="Frame",
+        description="Frame at which this is in focus",
+        get=lambda mark: mark.value.frame,
+        set=lambda mark, frame: _edit(mark, frame=_free(mark, frame)),
+    )
     easing: EnumProperty(
         name="Easing",
         description="How focus moves to this mark from the previous one",
@@ -73,21 +61,24 @@ class VirtualApertureFocusMark(bpy.types.PropertyGroup):
             ("EASE_OUT", "Ease Out", "Starts at full speed and arrives slowly", "IPO_EASE_OUT", 3),
             ("CUT", "Cut", "Stays on the previous mark up to this one", "IPO_CONSTANT", 4),
         ],
-        update=_rewrite,
+        get=lambda mark: list(EASINGS).index(mark.value.easing),
+        set=lambda mark, number: _edit(mark, easing=list(EASINGS)[number]),
     )
     pull: IntProperty(
         name="Pull Over",
         description="Frames before this mark in which focus moves to it; until then it stays on the previous"
         " one. 0 takes all frames between the two",
         min=0,
-        update=_rewrite,
+        get=lambda mark: mark.value.pull,
+        set=lambda mark, frames: _edit(mark, pull=frames),
     )
     holds: BoolProperty(
         name="Hold Distance",
         description="Keep the distance at the mark's frame instead of following what was picked",
-        update=_rewrite,
+        get=lambda mark: mark.value.holds,
+        set=lambda mark, holds: _edit(mark, holds=holds),
     )
-    kept: hidden(StringProperty, "Places", "What is in focus")
+    kept: hidden(StringProperty, "Mark", "The mark, in JSON")
     distance: FloatProperty(
         name="Distance",
         description="Distance from the camera at its frame, in scene units",
@@ -95,9 +86,21 @@ class VirtualApertureFocusMark(bpy.types.PropertyGroup):
     )
 
     @property
+    def value(self) -> FocusMark:
+        """The mark as the core sees it."""
+        return replace(unpacked(self.kept), name=self.name)
+
+    @property
     def places(self) -> tuple[Place, ...]:
-        """The places in focus; the distance of a mark that was made without any."""
-        return unpacked(self.kept) if self.kept else (at_distance(self.distance, self.frame),)
+        """The places in focus."""
+        return unpacked(self.kept).places
+
+    def fill(self, value: FocusMark) -> None:
+        """Store a mark, whose distance is that of its places."""
+        with np.errstate(divide="ignore"):
+            self.distance = 1 / np.mean(np.divide(1, [place.distance for place in value.places]))
+        self.name = value.name or name_of(value.places)
+        self.kept = packed(value)
 
 
 class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
@@ -126,6 +129,30 @@ class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
         return tuple(dict.fromkeys(point for place in places for point in place.focus.points))
 
 
+def marks_of(settings: bpy.types.PropertyGroup) -> list[FocusMark]:
+    """Return the marks as the core sees them."""
+    return [mark.value for mark in settings.marks.items]
+
+
+def replace_all(
+    settings: bpy.types.PropertyGroup, marks: Iterable[FocusMark], active: int | None = None
+) -> None:
+    """Have these marks and no others, and write the focus.
+
+    The mark at frame `active` becomes the active one, by default the one at the frame of the one before.
+    """
+    group, items = settings.marks, settings.marks.items
+    if active is None and group.active < len(items):
+        active = items[group.active].frame
+    order = sorted(marks, key=lambda mark: mark.frame)
+    for _ in range(len(items) - len(order)):
+        items.remove(len(items) - 1)
+    for number, mark in enumerate(order):
+        (items[number] if number < len(items) else items.add()).fill(mark)
+    group.active = next((number for number, mark in enumerate(order) if mark.frame == active), 0)
+    write(settings)
+
+
 def put(
     settings: bpy.types.PropertyGroup, frame: int, places: Sequence[Place], add: bool = False
 ) -> bpy.types.PropertyGroup:
@@ -133,42 +160,21 @@ def put(
 
     The one mark that there is gives way, unless one is to be added; of several the one at this frame does.
     """
-    group = settings.marks
-    with lens.writing():
-        # Keys that the user deleted do not come back.
-        if are_keys_gone(settings) or (not add and len(group.items) < 2):
-            group.items.clear()
-        mark = at_frame(settings, frame)
-        if mark is None:
-            mark = group.items.add()
-        mark.frame = frame
-        fill(mark, places)
-        settings.focus_through_points = any(place.focus.through_points for place in places)
-        _sort(settings, frame)
-    write(settings)
-    found = at_frame(settings, frame)
-    assert found is not None
-    return found
-
-
-def replace_all(settings: bpy.types.PropertyGroup, marks: Iterable[FocusMark]) -> None:
-    """Have these marks and no others, and write the focus."""
-    with lens.writing():
-        settings.marks.items.clear()
-        for each in marks:
-            mark = settings.marks.items.add()
-            mark.frame, mark.easing, mark.pull, mark.holds = each.frame, each.easing, each.pull, each.holds
-            fill(mark, each.places)
-        _sort(settings)
-    write(settings)
+    marks = {mark.frame: mark for mark in marks_of(settings)}
+    # Keys that the user deleted do not come back.
+    if are_keys_gone(settings) or (not add and len(marks) < 2):
+        marks = {}
+    marks[frame] = replace(marks.get(frame, FocusMark(frame, ())), places=tuple(places), name="")
+    settings.focus_through_points = any(place.focus.through_points for place in places)
+    replace_all(settings, marks.values(), frame)
+    return at_frame(settings, frame)
 
 
 def set_focus(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> None:
     """Put points or a distance in focus by a single mark, with its tilt."""
     distance = focus.distance or lens.distance_at(settings, focus, frame)
-    with lens.writing():
-        settings.focus_tilt, settings.focus_swing = focus.tilt, focus.swing
-        settings.focus_through_points = focus.through_points
+    settings.focus_tilt, settings.focus_swing = focus.tilt, focus.swing
+    settings.focus_through_points = focus.through_points
     replace_all(settings, [FocusMark.of(Place(focus, frame, distance, "points or a distance"))])
 
 
@@ -177,14 +183,19 @@ def at_frame(settings: bpy.types.PropertyGroup, frame: int) -> bpy.types.Propert
     return next((mark for mark in settings.marks.items if mark.frame == frame), None)
 
 
-def on_distance(settings: bpy.types.PropertyGroup) -> None:
-    """Put a distance that was set by hand in the place of the only mark, or make one at this frame."""
+def have_distance(settings: bpy.types.PropertyGroup) -> bool:
+    """Return whether the focus distance is that of the marks or of keys, and not one that was set by hand."""
     marks, distance = settings.marks.items, settings.focus_distance
     if len(marks) > 1 or not distance > 0 or lens.has_keys(settings, "focus_distance"):
-        return
-    if not len(marks):
-        marks.add().frame = clip_frame(settings.id_data)
-    fill(marks[0], [at_distance(distance, marks[0].frame)])
+        return True
+    return len(marks) == 1 and marks[0].distance == distance
+
+
+def take_distance(settings: bpy.types.PropertyGroup) -> None:
+    """Put a distance that was set by hand in the place of the only mark, or make one at this frame."""
+    (mark,) = marks_of(settings) or [FocusMark(clip_frame(settings.id_data), ())]
+    place = at_distance(settings.focus_distance, mark.frame)
+    replace_all(settings, [replace(mark, places=(place,), name="")])
 
 
 def move(settings: bpy.types.PropertyGroup, index: int, frame: int) -> None:
@@ -192,27 +203,19 @@ def move(settings: bpy.types.PropertyGroup, index: int, frame: int) -> None:
     mark, other = settings.marks.items[index], at_frame(settings, frame)
     if other is not None and other != mark:
         raise UserError(f"frame {frame} already has a focus mark; remove that one first")
-    with lens.writing():
-        mark.frame = frame
-        _sort(settings, frame)
-    write(settings)
+    _edit(mark, frame=frame)
 
 
 def remove(settings: bpy.types.PropertyGroup, index: int) -> None:
     """Take a mark away; without any the focus stays at its distance, without keys."""
-    group = settings.marks
-    with lens.writing():
-        group.items.remove(index)
-        group.active = max(min(group.active, len(group.items) - 1), 0)
-    write(settings)
+    marks = marks_of(settings)
+    del marks[index]
+    replace_all(settings, marks, marks[min(settings.marks.active, len(marks) - 1)].frame if marks else None)
 
 
 def clear(settings: bpy.types.PropertyGroup) -> None:
     """Remove the marks and their keys; the caller sets the focus."""
-    with lens.writing():
-        if not are_keys_users(settings):
-            focus_curve.remove(settings)
-        settings.marks.items.clear()
+    replace_all(settings, [])
 
 
 def are_keys_users(settings: bpy.types.PropertyGroup) -> bool:
@@ -235,24 +238,24 @@ def write(settings: bpy.types.PropertyGroup) -> None:
     """Set the focus of the marks, by keys where its distance changes; the user's keys stay."""
     if are_keys_users(settings):
         return
-    with lens.writing():
-        _sort(settings)
-        marks = marks_of(settings)
-        frames = range(settings.clip_first, settings.clip_last + 1)
-        hidden = unseen(marks, reconstruction_of(settings), frames) if marks else []
-        settings.marks.unseen = " ".join(map(str, hidden))
-        if not marks:
-            focus_curve.remove(settings)
-            return
-        steady = _steady(settings, marks)
-        if steady is not None:
-            focus_curve.remove(settings)
-            settings.focus_distance = settings.marks.items[0].distance = steady
-            return
-        focus_curve.write(settings, marks, hidden)
-        settings.focus_distance = focus_curve.value(settings, clip_frame(settings.id_data))
-        for mark in settings.marks.items:
-            mark.distance = focus_curve.value(settings, mark.frame)
+    marks = marks_of(settings)
+    frames = range(settings.clip_first, settings.clip_last + 1)
+    hidden = unseen(marks, reconstruction_of(settings), frames) if marks else []
+    settings.marks.unseen = " ".join(map(str, hidden))
+    if not marks:
+        focus_curve.remove(settings)
+        aperture_cloud.update(settings)
+        return
+    steady = _steady(settings, marks)
+    if steady is not None:
+        focus_curve.remove(settings)
+        settings.marks.items[0].distance = steady
+        settings.focus_distance = steady
+        return
+    focus_curve.write(settings, marks, hidden)
+    for mark in settings.marks.items:
+        mark.distance = focus_curve.value(settings, mark.frame)
+    settings.focus_distance = focus_curve.value(settings, clip_frame(settings.id_data))
 
 
 def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> None:
@@ -290,16 +293,17 @@ def _steady(settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark]) -> fl
     return None
 
 
-def _sort(settings: bpy.types.PropertyGroup, active: int | None = None) -> None:
-    """The marks by frame; the one at frame `active` becomes the active one."""
-    group = settings.marks
-    chosen = group.items[group.active].frame if group.active < len(group.items) else 0
-    chosen = chosen if active is None else active
-    for goal, frame in enumerate(sorted(mark.frame for mark in group.items)):
-        group.items.move(
-            next(n for n, mark in enumerate(group.items) if n >= goal and mark.frame == frame), goal
-        )
-    group.active = next((n for n, mark in enumerate(group.items) if mark.frame == chosen), 0)
+def _edit(mark: bpy.types.PropertyGroup, **changes: Any) -> None:
+    """Change fields of a mark, and write the focus."""
+    settings = mark.id_data.virtual_aperture
+    marks = [replace(each.value, **changes) if each == mark else each.value for each in settings.marks.items]
+    replace_all(settings, marks, changes.get("frame"))
+
+
+def _free(mark: bpy.types.PropertyGroup, frame: int) -> int:
+    """The first frame from one on that no other mark is at."""
+    others = {other.frame for other in mark.id_data.virtual_aperture.marks.items if other != mark}
+    return next(each for each in itertools.count(frame) if each not in others)
 
 
 CLASSES = (VirtualApertureFocusMark, VirtualApertureFocusMarks)

@@ -15,7 +15,6 @@ from ...core.media.clip_identity import is_clip
 from ..lens import lens
 from ..sources.shot import reconstruction_of
 from . import focus_marks
-from .kept_places import marks_of
 
 LENGTHS = ("focus_distance", "aperture_radius")
 """Properties of the lens in scene units, which are other ones after a new solve."""
@@ -43,7 +42,7 @@ def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | Non
     """Return the scene's focus and scale; None without any, or if its solve is of another clip."""
     if settings.points is None or not is_clip(clip, settings.clip_identity):
         return None
-    marks = () if focus_marks.are_keys_gone(settings) else tuple(marks_of(settings))
+    marks = () if focus_marks.are_keys_gone(settings) else tuple(focus_marks.marks_of(settings))
     distance, radius = settings.focus_distance, lens.stored(settings, "aperture_radius")
     scales = settings.metres_per_unit, settings.guessed_scale
     if not (marks or distance or radius or any(scales)):
@@ -63,8 +62,7 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
     """
     old, frame = kept.reconstruction, kept.marks[0].frame if kept.marks else int(new.frames[0])
     scale = carry_focus(old, new, Focus(), frame).scale
-    with lens.writing():
-        settings.focus_distance = kept.distance * scale
+    settings.focus_distance = kept.distance * scale
     if kept.radius > 0:
         settings.aperture_radius = kept.radius * scale
     settings.metres_per_unit = kept.metres_per_unit / scale

@@ -5,8 +5,6 @@ sets, too. The others are computed from it whenever they are read. A stored blur
 its frame and focus, so the radius is the same in all frames; a keyed blur is that of each frame.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -27,24 +25,6 @@ from ..sources.shot import reconstruction_of
 from . import blender_focus
 from .repairs import repairs_of
 from .scale import scale, sensor_millimetres
-
-_writing = False
-
-
-@contextmanager
-def writing() -> Iterator[None]:
-    """Write focus and marks within without effects on each other."""
-    global _writing
-    before, _writing = _writing, True
-    try:
-        yield
-    finally:
-        _writing = before
-
-
-def is_writing() -> bool:
-    """Return whether `writing` is active."""
-    return _writing
 
 
 def focus_of(settings: bpy.types.PropertyGroup) -> Focus:
@@ -177,8 +157,7 @@ def keys_of(settings: bpy.types.PropertyGroup, name: str) -> bpy.types.FCurve | 
 
 def reset(settings: bpy.types.PropertyGroup) -> None:
     """Reset the lens for a new solve, with other points and scale: no focus, and the blur is stored."""
-    with writing():
-        settings.focus_distance = 0.0
+    settings.focus_distance = 0.0
     store_blur(settings)
 
 

@@ -7,8 +7,8 @@ from ...core.base.errors import UserError
 from ...core.focus.place import Place
 from ...scene.base.timeline import clip_frame, go_to
 from ...scene.focus import focus_curve, focus_marks
-from ...scene.focus.kept_places import at_distance
-from ...scene.lens import aperture_cloud, blender_focus
+from ...scene.focus.kept_marks import at_distance
+from ...scene.lens import blender_focus
 from ...scene.lens.depth_of_field import length_words
 from ..base.operators import Acts, Edits, has_focus, has_solve, is_met, may_change, polls, requires
 from ..base.text import list_row
@@ -32,9 +32,7 @@ class ChangesMarks(Edits):
     poll = polls(may_change, has_solve, has_marks)
 
     def act(self, context: bpy.types.Context) -> str:
-        said = self.change(context.scene.virtual_aperture, clip_frame(context.scene))
-        aperture_cloud.update(context.scene.virtual_aperture)
-        return said
+        return self.change(context.scene.virtual_aperture, clip_frame(context.scene))
 
     def change(self, settings: bpy.types.PropertyGroup, frame: int) -> str:
         """Change the marks; returns a line about it, or raises UserError."""

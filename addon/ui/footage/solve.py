@@ -23,7 +23,6 @@ from ...scene.base.remedy_words import WORDS
 from ...scene.build import build
 from ...scene.focus import focus_marks
 from ...scene.focus.refocus import keep_focus, restore_focus
-from ...scene.lens import aperture_cloud
 from ...scene.lens.lens import focal_of
 from ...scene.sources.clip import footage_path, work_dir
 from ..base.meanwhile import Meanwhile
@@ -62,7 +61,6 @@ def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple
     else:
         # So that the first render shows the effect.
         focus_marks.set_first(settings, solve.reconstruction)
-    aperture_cloud.update(settings)
     after_solve.show(scene, solve.reconstruction)
     viewport.warm()
     return solve, note

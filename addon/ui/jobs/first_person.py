@@ -12,7 +12,7 @@ from ...render.processes.clip_process import ClipProcess
 from ...scene.base import redraw
 from ...scene.base.events import at, watch
 from ...scene.focus import focus_marks
-from ...scene.lens import aperture_cloud, depth_of_field
+from ...scene.lens import depth_of_field
 from ...scene.sources.shot import IDENTITY, Shot, points_mesh, shot_of
 from ..base.work import Work
 
@@ -99,7 +99,6 @@ def _put(settings: bpy.types.PropertyGroup, found: Found) -> None:
         depth_of_field.guess_scale(settings, scale)
     if place is not None:
         focus_marks.put_first(settings, place)
-        aperture_cloud.update(settings)
 
 
 def _must_wait(settings: bpy.types.PropertyGroup) -> bool:

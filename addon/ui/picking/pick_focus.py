@@ -9,7 +9,6 @@ from ...core.focus.place import Place
 from ...scene.base.timeline import clip_frame
 from ...scene.focus import focus_marks
 from ...scene.focus.clicks import place_at
-from ...scene.lens import aperture_cloud
 from ..base.operators import Result
 from .pick_place import PicksPlaces
 from .pick_vertices import ADD_MARK, focus_on
@@ -77,7 +76,6 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
         number = next(n for n, each in enumerate(settings.marks.items) if each == mark)
         self.report({"INFO"}, f"Removed the focus mark at frame {mark.frame}")
         focus_marks.remove(settings, number)
-        aperture_cloud.update(settings)
         return {"FINISHED"}
 
     def _mark(self) -> bpy.types.PropertyGroup | None:

@@ -11,7 +11,7 @@ from ...core.focus.focus import Focus
 from ...core.focus.place import Place
 from ...scene.base.timeline import clip_frame
 from ...scene.focus import focus_marks
-from ...scene.lens import aperture_cloud, blender_focus, lens
+from ...scene.lens import blender_focus, lens
 from ...scene.lens.depth_of_field import length_words
 from ...scene.solve.point_cloud import ID_ATTRIBUTE
 from ...scene.sources import subjects
@@ -54,7 +54,6 @@ def focus_on(
             else f"In focus at frame {frame}: {mark.name},"
         )
         said = f"{what} {away} away{pulled}"
-    aperture_cloud.update(settings)
     guessed = "; the distance is estimated" if any(place.is_estimated for place in places) else ""
     return said + guessed + after
 
