@@ -38,7 +38,7 @@ CLASSES = (
     ),
     *panels.CLASSES,
 )  # fmt: skip
-PARTS = engine_panels, file_import, lens_presets, exr, thumbnails, bokeh, quit_question
+PARTS = engine_panels, file_import, lens_presets, exr, quit_question
 """Modules that add something to Blender besides classes."""
 # `POST_VIEW` follows what takes overlays away from the preview's picture: the points are drawn over that.
 OVERLAYS = (
@@ -48,7 +48,7 @@ OVERLAYS = (
 )  # fmt: skip
 ENDS = (
     end_solve, movie.MovieJob.stop, export.ExportJob.stop, first_person.stop, depth_ahead.stop, viewport.stop,
-    cg_process.end, frames_ahead.forget, frame_notes.forget,
+    cg_process.end, frames_ahead.forget, frame_notes.forget, thumbnails.forget, bokeh.ICONS.forget,
 )  # fmt: skip
 """Functions that end what is under way."""
 

@@ -6,8 +6,6 @@ Blur, radius and f-stop are three views of one number (`lens`).
 """
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import bpy
 
@@ -70,21 +68,6 @@ def set_f_stop(settings: bpy.types.PropertyGroup, value: float) -> None:
     if value > 0 and focal > 0 and metres > 0:
         settings.aperture_radius = focal / (2 * value * metres)
         settings.by_f_stop = True
-
-
-@contextmanager
-def amount_kept(settings: bpy.types.PropertyGroup) -> Iterator[None]:
-    """Keep the stored amount of blur within; a stored f-stop is replaced by one that is set."""
-    blur, radius = (lens.stored(settings, name) for name in ("blur", "aperture_radius"))
-    by_f_stop = settings.by_f_stop
-    try:
-        yield
-    finally:
-        stop = f_stop(settings) if by_f_stop and settings.by_f_stop else 0.0
-        settings.blur = blur
-        if radius > 0:
-            settings.aperture_radius, settings.by_f_stop = radius, by_f_stop
-        set_f_stop(settings, stop)
 
 
 def guess_scale(settings: bpy.types.PropertyGroup, metres: float) -> None:

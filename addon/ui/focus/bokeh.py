@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import bpy.utils.previews
 import numpy as np
 
 from ...core.base.errors import UserError
@@ -15,33 +14,23 @@ from ...core.media.light import encode_srgb
 from ...core.optics.aperture import Aperture
 from ...core.optics.bokeh import bokeh_picture
 from ...scene.lens.aperture_shape import aperture_image
+from ..base.icons import MOST, Icons
 
 SIDE = 128
 """Pixels of an icon: a panel shows it half as large."""
-MOST = 64
-"""Icons that are kept: dragging a slider makes one at each step."""
-_previews: Any = None
+ICONS = Icons(SIDE)
 
 
 def icon(aperture: Aperture) -> int:
     """Return the icon of an aperture, 0 where nobody sees it; made in some 10 ms, once."""
-    if _previews is None:
-        return 0
-    key = repr(aperture)
-    if key not in _previews:
-        while len(_previews) >= MOST:
-            del _previews[next(iter(_previews))]
-        preview = _previews.new(key)
-        preview.image_size = (SIDE, SIDE)
-        preview.image_pixels_float.foreach_set(pixels(aperture))
-    return int(_previews[key].icon_id)
+    return ICONS.icon(repr(aperture), lambda: pixels(aperture))
 
 
-def pixels(aperture: Aperture) -> Any:
-    """Return SIDE * SIDE * 4 display values, bottom row first."""
+def pixels(aperture: Aperture) -> np.ndarray:
+    """Return (SIDE, SIDE, 4) display values, top row first."""
     made = np.ones((SIDE, SIDE, 4), np.float32)
-    made[..., :3] = encode_srgb(bokeh_picture(aperture, SIDE))[::-1]
-    return made.ravel()
+    made[..., :3] = encode_srgb(bokeh_picture(aperture, SIDE))
+    return made
 
 
 def preset_icon(file: Path) -> int:
@@ -54,35 +43,28 @@ def preset_icon(file: Path) -> int:
 
 
 def preset_aperture(file: Path) -> Aperture:
-    """Return the aperture that a preset sets, which is read and not run.
+    """Return the aperture that a preset sets; errors as of `read_preset`, and TypeError and UserError."""
+    shape = read_preset(file)["shape"]
+    image = aperture_image(Path(bpy.path.abspath(shape["image"]))) if shape.get("image") else None
+    return Aperture(**{name: shape[name] for name in APERTURE_OPTIONS if name in shape}, image=image)
 
-    Raises OSError, SyntaxError, ValueError, TypeError and UserError for a file that is none.
+
+def read_preset(file: Path) -> dict[str, dict[str, Any]]:
+    """Return the values that a preset sets, by name in `shape` and in `settings`; it is read and not run.
+
+    Raises:
+        OSError: The file cannot be read.
+        SyntaxError: It is not Python.
+        ValueError: It has a value that is not written out.
     """
     return _read(file, file.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=MOST)
-def _read(file: Path, _written: int) -> Aperture:
-    shape: dict[str, Any] = {}
+def _read(file: Path, _written: int) -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = {"shape": {}, "settings": {}}
     for node in ast.parse(file.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.Assign):
-            owner, _, name = ast.unparse(node.targets[0]).rpartition(".")
-            if owner in ("shape", "settings.shape"):
-                shape[name] = ast.literal_eval(node.value)
-    image = aperture_image(Path(bpy.path.abspath(shape["image"]))) if shape.get("image") else None
-    return Aperture(**{name: shape[name] for name in APERTURE_OPTIONS if name in shape}, image=image)
-
-
-def register() -> None:
-    """Without a window nobody sees them."""
-    global _previews
-    if not bpy.app.background:
-        _previews = bpy.utils.previews.new()
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    global _previews
-    if _previews is not None:
-        bpy.utils.previews.remove(_previews)
-        _previews = None
+        if isinstance(node, ast.Assign) and isinstance(target := node.targets[0], ast.Attribute):
+            owner = ast.unparse(target.value).rpartition(".")[2]
+            found["shape" if owner == "shape" else "settings"][target.attr] = ast.literal_eval(node.value)
+    return found

@@ -14,7 +14,6 @@ from bl_ui.utils import PresetPanel
 from ...core.base.errors import UserError
 from ...core.frame.options import APERTURE_OPTIONS
 from ...scene.base.paths import absolute
-from ...scene.lens import depth_of_field
 from ..base.operators import Acts, Named, may_change, polls
 from . import bokeh
 
@@ -41,10 +40,17 @@ class VIRTUAL_APERTURE_OT_use_lens_preset(Acts, bpy.types.Operator):  # noqa: N8
         if not self.filepath:
             raise UserError("no preset has been chosen")
         name = bpy.path.display_name(self.filepath, title_case=False)
+        settings = context.scene.virtual_aperture
+        kept = ("highlights", "f_stop") if settings.by_f_stop else ("highlights",)
         try:
-            with depth_of_field.amount_kept(context.scene.virtual_aperture):
-                bpy.utils.execfile(self.filepath)
-        except Exception as error:
+            preset = bokeh.read_preset(Path(self.filepath))
+            settings.property_unset("shape")
+            for key, value in preset["shape"].items():
+                setattr(settings.shape, key, value)
+            for key in kept:
+                if key in preset["settings"]:
+                    setattr(settings, key, preset["settings"][key])
+        except (OSError, SyntaxError, ValueError, TypeError, AttributeError, UserError) as error:
             # A user may have written it.
             raise UserError(f"the preset {name} cannot be used: {error}") from error
         return f"Lens preset: {name}"

@@ -4,7 +4,6 @@ import contextlib
 from typing import Any
 
 import bpy
-import bpy.utils.previews
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from ...render.views.gpu_views import upload
 from ...scene.base import redraw
 from ...scene.base.events import watch
 from ...scene.sources.shot import shot_of
+from ..base.icons import Icons
 
 SIDE = 64
 """Pixels of a thumbnail."""
@@ -22,19 +22,21 @@ PART = 0.12
 """Share of the picture's width in a thumbnail. Chosen by inspection."""
 SOON = 0.05
 """Seconds until the thumbnails that panels want are cut out: not while they are drawn."""
-_previews: Any = None
+ICONS = Icons(SIDE)
 _pictures: dict[str, NDArray[np.float32]] = {}
 """(SIDE, SIDE, 4) display values, opaque, top row first, by key."""
 _textures: dict[str, Any] = {}
 """The same on the GPU, of those that were drawn in a viewport."""
 _wanted: dict[str, tuple[str, int, float, float]] = {}
 """Scene, frame, x, y, by key."""
+_seen: set[str] = set()
+"""Keys of those that were looked for."""
 
 
 def icon(settings: bpy.types.PropertyGroup, mark: bpy.types.PropertyGroup) -> int:
     """Return the icon of a mark's first place, for panels; 0 where it has none, or not yet."""
     key = _cut(settings, mark)
-    return int(_previews[key].icon_id) if key else 0
+    return ICONS.icon(key, lambda: _pictures[key]) if key in _pictures else 0
 
 
 def texture(settings: bpy.types.PropertyGroup, mark: bpy.types.PropertyGroup) -> Any:
@@ -49,31 +51,28 @@ def texture(settings: bpy.types.PropertyGroup, mark: bpy.types.PropertyGroup) ->
 
 
 def _cut(settings: bpy.types.PropertyGroup, mark: bpy.types.PropertyGroup) -> str:
-    """The key of a mark's thumbnail where it was cut out; empty where it will be, or there is nothing to."""
+    """The key of a mark's thumbnail, which is cut out soon if it was not; empty without a place."""
     place = mark.places[0]
-    if _previews is None or place.xy is None:
+    if bpy.app.background or place.xy is None:
         return ""
     key = f"{settings.clip_identity} {place.frame} {place.xy[0]:.3f} {place.xy[1]:.3f}"
-    if key in _previews:
-        return key
-    _wanted[key] = (settings.id_data.name, place.frame, *place.xy)
-    watch(_cut_out, SOON)
-    return ""
+    if key not in _seen:
+        _wanted[key] = (settings.id_data.name, place.frame, *place.xy)
+        watch(_cut_out, SOON)
+    return key
 
 
 def _cut_out() -> float | None:
     """A timer's turn: one of those that are wanted."""
-    if not _wanted or _previews is None:
+    if not _wanted:
         return None
     key, (name, frame, x, y) = _wanted.popitem()
-    preview, scene = _previews.new(key), bpy.data.scenes.get(name)
-    # Where the clip is gone, or its scene, the icon stays empty.
+    _seen.add(key)
+    scene = bpy.data.scenes.get(name)
+    # Where the clip is gone, or its scene, there is none.
     with contextlib.suppress(UserError):
         if scene is not None:
-            _pictures[key] = picture = _part(scene, frame, x, y)
-            preview.image_size = (SIDE, SIDE)
-            # Blender's icons begin with the bottom row.
-            preview.image_pixels_float.foreach_set(picture[::-1].ravel())
+            _pictures[key] = _part(scene, frame, x, y)
     redraw.viewports()
     return SOON if _wanted else None
 
@@ -94,18 +93,8 @@ def _part(scene: bpy.types.Scene, frame: int, x: float, y: float) -> NDArray[np.
     return pixels
 
 
-def register() -> None:
-    """Without a window nobody sees them."""
-    global _previews
-    if not bpy.app.background:
-        _previews = bpy.utils.previews.new()
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    global _previews
-    for held in (_wanted, _pictures, _textures):
+def forget() -> None:
+    """Forget all thumbnails."""
+    for held in (_wanted, _pictures, _textures, _seen):
         held.clear()
-    if _previews is not None:
-        bpy.utils.previews.remove(_previews)
-        _previews = None
+    ICONS.forget()

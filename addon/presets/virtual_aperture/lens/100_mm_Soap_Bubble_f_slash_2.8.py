@@ -2,7 +2,6 @@ import bpy
 
 # A triplet with its light at the rim, as the Trioplan has it.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.spherical_aberration = 0.9
 shape.vignetting = 0.3

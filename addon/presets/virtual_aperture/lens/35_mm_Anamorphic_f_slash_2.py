@@ -2,7 +2,6 @@ import bpy
 
 # A squeeze of 2: discs are twice as high as wide, and cut towards the corners.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.ratio = 2.0
 shape.vignetting = 0.3

@@ -2,7 +2,6 @@ import bpy
 
 # Its secondary mirror makes rings of discs.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.obstruction = 0.45
 settings.highlights = 1.0

@@ -2,7 +2,6 @@ import bpy
 
 # A squeeze of 2, whose cylinder focuses a little nearer, behind a matte box.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.ratio = 2.0
 shape.vignetting = 0.3

@@ -2,7 +2,6 @@ import bpy
 
 # Corrected as today: even discs, cut a little toward the corners.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.vignetting = 0.3
 shape.breathing = 0.15

@@ -2,7 +2,6 @@ import bpy
 
 # Wide open: the blades do not show, the barrel cuts discs in the corners.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.spherical_aberration = 0.1
 shape.vignetting = 0.4

@@ -2,7 +2,6 @@ import bpy
 
 # Fast and soft wide open: glowing rims, comets in the corners.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.spherical_aberration = 0.5
 shape.vignetting = 0.55

@@ -2,7 +2,6 @@ import bpy
 
 # Cat's eyes that turn about the middle, wide open: its eight blades are out of the way.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.spherical_aberration = 0.3
 shape.vignetting = 0.7

@@ -2,7 +2,6 @@ import bpy
 
 # A portrait lens of two achromats: the background turns about the middle, and corners are soft.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.spherical_aberration = 0.2
 shape.vignetting = 0.5

@@ -2,7 +2,6 @@ import bpy
 
 # Wide open and corrected for soft rims, as portrait lenses are.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.spherical_aberration = -0.2
 shape.vignetting = 0.5

@@ -2,5 +2,4 @@ import bpy
 
 # What a thin lens does. The amount of blur stays.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 settings.highlights = 1.0

@@ -2,7 +2,6 @@ import bpy
 
 # Straight edges, a corner upwards. The amount of blur stays.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.blades = 6
 settings.highlights = 1.0

@@ -2,7 +2,6 @@ import bpy
 
 # An old fast lens wide open: bright rims, magenta and green fringes, cat's eyes. The amount of blur stays.
 settings = bpy.context.scene.virtual_aperture
-settings.property_unset("shape")
 shape = settings.shape
 shape.spherical_aberration = 0.4
 shape.vignetting = 0.5
