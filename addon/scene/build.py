@@ -48,11 +48,12 @@ def build(
     Frame range, rate, resolution and pixel aspect follow the clip, the view transform becomes Standard (any
     other would change the clip's colours), with a curve for an HDR clip, and the engine becomes ours. Output
     into Blender's default temporary folder, or into the one that was set here for another clip, goes to one
-    of the clip's own beside the .blend or the clip instead. Objects of the user, the compositor and all other
-    output settings stay as they are.
+    of the clip's own beside the .blend or the clip instead. A stored blur or f-stop stays, and so do objects
+    of the user, the compositor and all other output settings.
     """
-    forget()
     settings: VirtualApertureSettings = scene.virtual_aperture
+    stop = settings.f_stop if settings.by_f_stop else 0.0
+    forget()
     if min(footage.width, footage.height) < LEAST_SIDE:
         raise UserError(
             f"{footage.path.name} is {footage.width}x{footage.height} pixels; Blender cannot render images"
@@ -87,6 +88,7 @@ def build(
     if is_other:
         settings.subjects.items.clear()
     lens.reset(settings)
+    depth_of_field.set_f_stop(settings, stop)
     aperture_cloud.update(settings)
     _set_output(scene, footage, is_other)
     set_sound(scene, footage)

@@ -91,7 +91,7 @@ def _take_focus_over(settings: bpy.types.PropertyGroup) -> None:
 
 
 def _take_mark_over(mark: bpy.types.PropertyGroup, old: Any, is_first: bool) -> None:
-    """Keep a mark by what version 1.0 stored of it."""
+    """Keep a mark that version 1.0 stored field by field."""
     frame, distance = old.pop("frame"), mark.distance
     places = [_place(each, is_first) for each in old.pop("places", ())] or [at_distance(distance, frame)]
     easing, pull, holds = (

@@ -51,6 +51,7 @@ class Hands:
 
     def __init__(self, clip: Path, r: random.Random) -> None:
         self.clip, self.r = clip, r
+        self.other = write_frames(clip.parent / "other", LENS, FRAMES[:2])
 
     @property
     def scene(self) -> bpy.types.Scene:
@@ -113,6 +114,20 @@ class Hands:
         build(self.scene, open_footage(self.clip), new)
         if kept is not None:
             restore_focus(self.settings, kept, new)
+
+    def another_clip(self) -> None:
+        """A radius means nothing in another scene's unit."""
+        if "aperture_radius" in shown():
+            return
+        build(self.scene, open_footage(self.other), scaled(slanted_plane(LENS, FRAMES[:2]), 2.0))
+        build(self.scene, open_footage(self.clip), slanted_plane(LENS, FRAMES))
+        focus_marks.set_first(self.settings, reconstruction_of(self.settings))
+
+    def undo(self) -> None:
+        bpy.ops.ed.undo_push(message="Before")
+        getattr(self, self.r.choice(["pick", "mark", "distance", "tilt", "first_subject"]))()
+        bpy.ops.ed.undo_push(message="After")
+        assert bpy.ops.ed.undo() == {"FINISHED"}
 
     def reopen(self) -> None:
         file = str(self.clip.parent / "shot.blend")

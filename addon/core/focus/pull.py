@@ -28,7 +28,7 @@ class FocusMark:
     holds: bool = False
     """True if the distance at the mark's own frame is kept; otherwise its places are followed."""
     name: str = ""
-    """Name for users; empty for one by what is in focus."""
+    """Name for users; empty for one made from the places."""
 
     @classmethod
     def of(cls, place: Place) -> FocusMark:
