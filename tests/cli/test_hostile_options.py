@@ -101,15 +101,9 @@ def test_a_number_that_means_nothing_is_refused(
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [
-        ("focal", "nan"),
-        ("focal", "0"),
-        ("focal35", "-1"),
-        ("fov", "1e-300"),
-        ("focal-mm", ""),
-        ("sensor-mm", "inf"),
-    ],
-)
+    [("focal", "nan"), ("focal", "0"), ("focal35", "-1"), ("focal35", "1e-300"), ("fov", "0"),
+     ("focal-mm", ""), ("sensor-mm", "0")],
+)  # fmt: skip
 def test_a_focal_length_that_means_nothing_is_refused(
     work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, value: str
 ) -> None:
@@ -170,7 +164,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
 
 
 @pytest.mark.parametrize(
-    ("made", "place"), [(Path.touch, "o.mp4.frames"), (loop, "there"), (nowhere, "there")]
+    ("made", "place"), [(Path.touch, "o.mp4.frames"), (nowhere, "o.mp4.frames"), (loop, "there")]
 )
 def test_a_folder_that_cannot_be_one_is_refused_before_the_work(
     work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], made: Callable[[Path], None], place: str
