@@ -128,7 +128,7 @@ def to_709(primaries: tuple[tuple[float, float], ...]) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("value", "primaries"),
-    combined([100_000, 55_556, 50_000, 38_462, 45_455, 0], [None, REC_709, P3, ADOBE, REC_2020]),
+    combined([100_000, 55_556, 50_000, 38_462, 45_455, 0], [P3, None, REC_709, ADOBE, REC_2020]),
 )
 def test_gamma_and_chromaticities(
     scene: bpy.types.Scene, tmp_path: Path, value: int, primaries: tuple[tuple[float, float], ...] | None
