@@ -49,7 +49,7 @@ def test_it_is_named_when_a_process_starts(tmp_path: Path, fake: str, is_package
     file.write_text(content)
     words = {
         "headless": [str(ROOT / "addon" / "headless.py"), "solve", "clip", "--work", "work"],
-        "worker": ["-P", "-m", "addon.core.sfm.worker", "job.json"],
+        "worker": ["-P", "-m", "addon.core.sfm.worker", "folder"],
         "register": ["-c", "import addon; addon.register()"],
     }[process]
     done = run(tmp_path, *words)

@@ -378,7 +378,7 @@ def test_a_clip_is_opened_meanwhile_and_cancelled_at_once(scene: bpy.types.Scene
     assert {"shot.mp4", "Reading the clip", "ESC cancels"} <= set(texts)
     solving.cancel()
     assert solving.ended
-    until(lambda: opening._job.process is not None and opening._job.process.poll() is not None)
+    until(lambda: opening._worker.process is not None and opening._worker.process.poll() is not None)
 
 
 def test_a_solve_begins_once_its_clip_is_open(tmp_path: Path) -> None:
