@@ -8,11 +8,12 @@ from pathlib import Path
 
 import bpy
 
+from ..core.base.arrays import Bytes
 from ..core.base.atomic import write_bytes
 from ..core.base.errors import UserError
 from ..core.base.file_names import check_file
 from ..core.base.streams import say
-from ..core.frame.inspection import NAMES, Shown
+from ..core.frame.inspection import NAMES
 from ..core.frame.report import FrameReport
 from ..core.sfm.workspace import load_solve
 from ..render.output import output
@@ -79,7 +80,7 @@ def inspect(options: argparse.Namespace) -> None:
     say(f"wrote {', '.join(pictures)} and {REPORT} into {options.out}")
 
 
-def _inspected(scene: bpy.types.Scene, frame: int, debug: bool) -> tuple[dict[str, Shown], FrameReport]:
+def _inspected(scene: bpy.types.Scene, frame: int, debug: bool) -> tuple[dict[str, Bytes], FrameReport]:
     shot, inspector = shot_of(scene), Inspector()
     # The pictures are of the frame as the clip has it.
     lens = replace(frame_options(scene.virtual_aperture, shot.reconstruction), stabilize=0.0, sensor=0.0)

@@ -263,7 +263,7 @@ def _side_by_side(
     options: argparse.Namespace,
     count: int,
     run_report: RunReport,
-    report: output.Report,
+    report: output.Note,
 ) -> output.Draw:
     """Have frames drawn by `count` processes of this command line, which get the scene as a .blend."""
     is_movie = options.for_movie or options.out.suffix.lower() in movie_file.MOVIES

@@ -32,8 +32,6 @@ LARGEST_ERROR = 1e-7
 """Pixels, beyond which the map itself is evaluated: a 600th of the last digit of a float32 of 1,000."""
 KEPT_SIDES = 32
 """Lengths of sides whose weights are remembered, 0.4 MB each."""
-Place = Callable[[Floats], Floats]
-"""Pixels (..., 2) of one picture -> pixels (..., 2) of another."""
 
 
 @dataclass(frozen=True)
@@ -206,8 +204,8 @@ class SmoothPlaces:
     Where it misses the map, as past a fold, the map is evaluated at each pixel.
     """
 
-    def __init__(self, width: int, height: int, place: Place) -> None:
-        """Fit `place` on a picture of a size in pixels."""
+    def __init__(self, width: int, height: int, place: Callable[[Floats], Floats]) -> None:
+        """Fit `place`, from pixels (..., 2) to pixels (..., 2), on a picture of a size in pixels."""
         self._width, self._place = width, place
         self._across, self._down = _weights(width), _weights(height)
         x, y = _nodes(width), _nodes(height)

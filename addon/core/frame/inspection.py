@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats, LinearRGBA, Mask
+from ..base.arrays import Bytes, Floats, LinearRGBA, Mask
 from ..camera.canvas import Canvas
 from ..media.light import to_rgb8
 from ..optics.aperture_sampling import exact_registration, vogel_disc
@@ -17,7 +17,6 @@ from ..warp.layered_mesh import FINER
 from ..warp.mesh import WarpMesh, at_pixels
 from .warped_frame import WarpedFrame
 
-Shown = NDArray[np.uint8]
 NAMES = ("depth", "sources", "blur", "focus")
 """All pictures, in display order."""
 SOURCES = ("inpainted", "borrowed", "own")
@@ -35,7 +34,7 @@ SHARE = 99.0
 """Per cent of the pixels within the scales of depth and blur; others have the last colour."""
 
 
-def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dict[str, Shown]:
+def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dict[str, Bytes]:
     """Make all available pictures of a frame by name, for a linear frame (H, W, 4).
 
     `shares` (H, W, 3) are those of `shares_of`.
@@ -46,7 +45,7 @@ def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dic
 
 def picture(
     name: str, warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA | None = None
-) -> Shown | None:
+) -> Bytes | None:
     """Make one of `pictures` (H, W, 3), or None if it is not available; only "sources" needs the shares."""
     plan, frame = warped.plan, to_rgb8(source)
     match name:
@@ -188,7 +187,7 @@ def _plain_sources(warped: WarpedFrame) -> tuple[WarpMesh, LinearRGBA]:
 # Pictures
 
 
-def _depth(inverse: Floats) -> Shown:
+def _depth(inverse: Floats) -> Bytes:
     """Colour near pixels red, far ones blue and empty ones black."""
     known = np.isfinite(inverse)
     if not known.any():
@@ -210,7 +209,7 @@ def opaque_triangles(warped: WarpedFrame) -> int:
     return int(np.count_nonzero(row // height == len(warped.layers)))
 
 
-def _sources(shares: LinearRGBA, frame: Shown) -> Shown:
+def _sources(shares: LinearRGBA, frame: Bytes) -> Bytes:
     """Show the frame's own light in grey, other frames' in green and inpainted light in red."""
     grey = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)[..., None] / np.float32(255)
     own = (0.04 + 0.7 * grey**2.2) * np.array([0.45, 0.6, 1.0], np.float32)
@@ -219,7 +218,7 @@ def _sources(shares: LinearRGBA, frame: Shown) -> Shown:
     return to_rgb8(light)
 
 
-def _blur(signed: Floats) -> Shown:
+def _blur(signed: Floats) -> Bytes:
     """Colour signed diameters (H, W): white in focus, warm in front, cold behind, black for NaN."""
     known = np.isfinite(signed)
     full = largest_shown(signed)
@@ -229,7 +228,7 @@ def _blur(signed: Floats) -> Shown:
     return np.where(known[..., None], _bytes(colour), 0).astype(np.uint8)
 
 
-def _focus_tint(warped: WarpedFrame) -> Shown:
+def _focus_tint(warped: WarpedFrame) -> Bytes:
     """(H, W, 4) tints of unsharp pixels of the canvas, and their shares in [0, `TINT`] by disc size."""
     signed = np.nan_to_num(blur_discs(warped))
     least = warped.plan.lens.acceptable_disc
@@ -238,7 +237,7 @@ def _focus_tint(warped: WarpedFrame) -> Shown:
     return _bytes(np.concatenate([colour, share[..., None]], axis=2))
 
 
-def _focus(tint: Shown, frame: Shown) -> Shown:
+def _focus(tint: Bytes, frame: Bytes) -> Bytes:
     """Tint the frame (H, W, 3): clear in focus, blue in front of it, green behind."""
     share = tint[..., 3:] / np.float32(255)
     return np.asarray(np.round((1 - share) * frame + share * tint[..., :3]), np.uint8)
@@ -250,11 +249,11 @@ def largest_shown(signed: Floats) -> float:
     return float(np.percentile(known, SHARE)) if len(known) else 0.0
 
 
-def _bytes(share: NDArray[np.floating]) -> Shown:
+def _bytes(share: NDArray[np.floating]) -> Bytes:
     return np.asarray(np.round(255 * np.clip(share, 0, 1)), np.uint8)
 
 
-def _in_source(picture: Shown, canvas: Canvas) -> Shown:
+def _in_source(picture: Bytes, canvas: Canvas) -> Bytes:
     """Resample a picture (h, w[, 3]) of the canvas in the source frame's geometry (H, W[, 3])."""
     if not canvas.camera.is_distorted:
         return picture

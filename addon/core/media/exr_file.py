@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..base.progress import checkpoint
 from .exr_parts import header_bytes
 
-Channel = NDArray[np.float16] | NDArray[np.float32]
+Samples = NDArray[np.float16] | NDArray[np.float32]
 _ZIP, _ZIP_ROWS = 3, 16
 """The compression, and how many rows it takes together."""
 _KINDS = {np.dtype(np.float16): 1, np.dtype(np.float32): 2}
@@ -23,7 +23,7 @@ LEVEL = 4
 """Level of zlib: files hardly larger than with its default, in less time. Chosen by inspection."""
 
 
-def write_exr(path: Path, channels: Mapping[str, Channel]) -> None:
+def write_exr(path: Path, channels: Mapping[str, Samples]) -> None:
     """Write channels (H, W), float16 or float32, top row first, under their full names: "Front.Combined.R".
 
     Scan lines, lossless ZIP. ValueError for channels of different sizes or other types; raises OSError.
@@ -54,7 +54,7 @@ def write_exr(path: Path, channels: Mapping[str, Channel]) -> None:
         file.write(struct.pack(f"<{len(offsets)}Q", *offsets))
 
 
-def _bytes_of(rows: Channel) -> NDArray[np.uint8]:
+def _bytes_of(rows: Samples) -> NDArray[np.uint8]:
     """(h, n) the bytes of rows (h, W), the least significant first."""
     return np.ascontiguousarray(rows, rows.dtype.newbyteorder("<")).view(np.uint8)
 

@@ -37,7 +37,7 @@ MOST_PIXELS = 1 << 28
 """Most pixels of a display window."""
 VALUES = ("z", "depth", "v", "y", "r", "x")
 """Channels that hold the values of a depth layer, the first one before the others."""
-Box = tuple[int, int, int, int]
+Window = tuple[int, int, int, int]
 """Left, top, right and bottom pixel, all inside."""
 
 
@@ -83,12 +83,12 @@ class Part:
         return found
 
     @property
-    def data_window(self) -> Box:
+    def data_window(self) -> Window:
         """The pixels that the part has."""
         return _box(self.attributes["dataWindow"][1])
 
     @property
-    def display_window(self) -> Box:
+    def display_window(self) -> Window:
         """The picture that they are of."""
         return _box(self.attributes["displayWindow"][1])
 
@@ -310,7 +310,7 @@ def _string(file: BinaryIO) -> bytes:
     return found
 
 
-def _box(value: bytes) -> Box:
+def _box(value: bytes) -> Window:
     if len(value) != 16:
         raise ValueError("its header is damaged")
     left, top, right, bottom = struct.unpack("<4i", value)

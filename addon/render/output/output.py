@@ -29,7 +29,7 @@ from . import frame_files, movie_file, movie_folder
 from .movie_file import MOVIES, join
 
 STILLS = {".png": "PNG", ".exr": "OPEN_EXR"}
-Report = Callable[[str], None]
+Note = Callable[[str], None]
 Draw = Callable[[list[int], Path, Here, Callable[[int], None]], None]
 """Renders frames to a path whose last #### is the frame number, in this process by `Here` and in others, and
 reports each one."""
@@ -137,7 +137,7 @@ def render_sequence(
     frames: list[int],
     out: Path,
     overwrite: bool,
-    report: Report,
+    report: Note,
     draw: Draw | None = None,
 ) -> None:
     """Render frames to files, each complete or not there.
@@ -214,7 +214,7 @@ def _strangeness(path: Path, key: str | None) -> str:
     return "was changed after it was rendered" if frame_files.is_changed(path) else ""
 
 
-def _missing(targets: dict[int, Path], keys: dict[int, str], overwrite: bool, report: Report) -> list[int]:
+def _missing(targets: dict[int, Path], keys: dict[int, str], overwrite: bool, report: Note) -> list[int]:
     """Frames that are to be rendered; UserError where others' files would be replaced unasked."""
     todo, damaged = [], 0
     for frame, path in targets.items():
@@ -291,7 +291,7 @@ def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str, st
 
 
 def render_movie(
-    scene: bpy.types.Scene, frames: list[int], out: Path, report: Report, draw: Draw | None = None
+    scene: bpy.types.Scene, frames: list[int], out: Path, report: Note, draw: Draw | None = None
 ) -> None:
     """Render a movie with the clip's rate, sound and dynamic range.
 

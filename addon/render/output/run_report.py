@@ -7,12 +7,13 @@ from typing import Any
 
 import cv2
 
+from ...core.base.arrays import Bytes
 from ...core.base.atomic import write_bytes
 from ...core.base.errors import Remedy, UserError
 from ...core.base.file_names import check_file
 from ...core.base.regular_file import read_object
 from ...core.frame.frame_path import Drawn
-from ...core.frame.inspection import Shown, pictures
+from ...core.frame.inspection import pictures
 from ...core.frame.report import FrameReport, Used, frame_report, summary
 from ...core.sfm.state import is_state_file
 from ..views.average import draw_shares
@@ -120,7 +121,7 @@ class Inspector:
     """The debug views and the report of one frame; its `on_frame` is called when it is drawn."""
 
     def __init__(self) -> None:
-        self.pictures: dict[str, Shown] = {}
+        self.pictures: dict[str, Bytes] = {}
         """(H, W, 3) sRGB; empty until a frame was drawn to its end."""
         self.report: FrameReport | None = None
 
@@ -131,7 +132,7 @@ class Inspector:
         self.pictures = pictures(drawn.warped, drawn.source, shares)
 
 
-def write_picture(path: Path, picture: Shown) -> None:
+def write_picture(path: Path, picture: Bytes) -> None:
     """Write a PNG of (H, W, 3) sRGB; UserError if it cannot be written."""
     done, data = cv2.imencode(".png", picture[..., ::-1])
     assert done

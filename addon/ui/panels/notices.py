@@ -25,7 +25,6 @@ from ..picking.pick_subject import VIRTUAL_APERTURE_OT_pick_subject
 
 WIDE = 18
 """Width of the popover in Blender's units of 20 pixels, at a resolution scale of 1."""
-Draw = Callable[[bpy.types.UILayout], object]
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class Notice:
     lines: tuple[str, ...]
     """The whole text, in paragraphs."""
     icon: str = "INFO"
-    draw_way_out: Draw = lambda layout: None
+    draw_way_out: Callable[[bpy.types.UILayout], object] = lambda layout: None
     """Draws the operators or settings that help."""
 
 

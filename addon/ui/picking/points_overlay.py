@@ -24,12 +24,11 @@ PICKED_SIZE, PICKED_RIM_SIZE = 9.0, 12.0
 PICKED_COLOUR, RIM_COLOUR = (0.25, 1.0, 0.35, 1.0), (0.0, 0.0, 0.0, 1.0)
 NEARER = 1e-4
 """Share of the depth range by which points are drawn nearer to the viewer, as Blender draws its own."""
-Colours = NDArray[np.float32]
 _batches: dict[tuple[object, ...], tuple[Any, Any]] = {}
 """The batch of all points, and that of the picked ones or None, by mesh and picks."""
 
 
-def places_and_colours(mesh: bpy.types.Mesh) -> tuple[NDArray[np.float32], Colours]:
+def places_and_colours(mesh: bpy.types.Mesh) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return (n, 3) vertices and (n, 4) their colours, display encoded; white where they have none."""
     count = len(mesh.vertices)
     places, colours = np.zeros((count, 3), np.float32), np.ones((count, 4), np.float32)
@@ -112,7 +111,7 @@ def _made(settings: Any) -> tuple[Any, Any]:
     return _batches[key]
 
 
-def _batch(places: Floats | NDArray[np.float32], colours: Colours | None = None) -> Any:
+def _batch(places: Floats | NDArray[np.float32], colours: NDArray[np.float32] | None = None) -> Any:
     # The shader of one colour for all leaves the points' own aside.
     name = "POINT_UNIFORM_COLOR" if colours is None else "POINT_FLAT_COLOR"
     content = {"pos": places} if colours is None else {"pos": places, "color": colours}
