@@ -66,11 +66,11 @@ class RenderWatch:
     notes: list[str] = field(default_factory=list)
     """Notes on the present frame."""
     is_drawn: bool = False
-    """Whether a render got as far as its picture. An exception that comes before our code can hear of it,
-    as a signal does while Blender prepares a frame, leaves a black frame and no error."""
+    """True if a render reached its picture. An exception before our code runs, such as a signal while Blender
+    prepares a frame, leaves a black frame and no error."""
 
     def raise_error(self) -> None:
-        """Raise what a render failed of, if one failed."""
+        """Raise the exception of a render that failed."""
         if self.error is not None:
             raise self.error
 

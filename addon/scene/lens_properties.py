@@ -40,7 +40,7 @@ def _radius_set(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -
 
 
 LEAST_BOOST, MOST_BOOST = -4.0, 9.0
-"""Stops: from a sixteenth of the estimate, which is seen no more, to half of `MOST_GAIN`."""
+"""Stops: from a sixteenth of the estimate, which cannot be seen, to half of `MOST_GAIN`."""
 
 
 def _boost(settings: bpy.types.PropertyGroup) -> float:

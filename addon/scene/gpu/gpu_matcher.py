@@ -42,7 +42,7 @@ PATIENCE, LOOK = 30.0, 0.05
 """Seconds that a sweep waits for the GPU, and between two checkpoints. The wait is long enough that it fails
 only if another process hangs: results do not depend on which came first. Chosen by inspection."""
 _problem: str | None = None
-"""Why this process does not sweep on its GPU; empty if it does, None before the first check."""
+"""Reason for which this process sweeps on the processor; empty on the GPU, None before the first check."""
 
 
 def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map) -> Winners:

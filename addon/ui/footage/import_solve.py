@@ -96,7 +96,7 @@ def find_points(found: Imported, clip: Path) -> Result:
         result: Result = bpy.ops.virtual_aperture.find_points(how)
     except RuntimeError as error:
         raise operators.refused(error) from None
-    # That it runs on is its own affair.
+    # In a window the operator goes on after this one has ended.
     return {"FINISHED"} if "FINISHED" in result else {"CANCELLED"}
 
 
