@@ -58,9 +58,6 @@ def test_each_place_is_seen_by_the_camera_of_its_time(name: str, readout: tuple[
     assert np.abs(expected - lens.project(points)).max() > 3
     rays = points[:, :2] / points[:, 2:]
     np.testing.assert_allclose(rolling.undistort(rolling.distort(rays)), rays, rtol=0, atol=1e-9)
-    step = 1e-6
-    moved = [(rolling.distort(rays + d) - rolling.distort(rays - d)) / (2 * step) for d in step * np.eye(2)]
-    np.testing.assert_allclose(rolling.distort_jacobian(rays), np.stack(moved, axis=-1), rtol=0, atol=1e-4)
 
 
 def test_the_size_of_the_picture_does_not_matter() -> None:
@@ -146,11 +143,13 @@ def test_a_blend_keeps_how_a_clip_was_read() -> None:
 
 
 def folds(camera: Intrinsics) -> bool:
-    """Whether a lens folds its picture: by the Jacobian of lens and shutter at every tenth pixel."""
+    """Whether a lens folds its picture: by the derivative of lens and shutter at every tenth pixel."""
     x, y = np.meshgrid(np.linspace(0, WIDTH, 65), np.linspace(0, HEIGHT, 37))
     rays = (camera.pinhole_pixels(np.stack([x, y], axis=-1)) - camera.principal_point) / camera.focal
+    step = 1e-6
     with np.errstate(invalid="ignore"):
-        return not bool(np.all(np.linalg.det(camera.distort_jacobian(rays)) > 0))
+        moved = [(camera.distort(rays + d) - camera.distort(rays - d)) / (2 * step) for d in step * np.eye(2)]
+        return not bool(np.all(np.linalg.det(np.stack(moved, axis=-1)) > 0))
 
 
 @pytest.mark.parametrize("name", LENSES)

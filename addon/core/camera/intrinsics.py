@@ -117,14 +117,17 @@ class Intrinsics:
         return dict(zip(names, (getattr(self, name) for name in names) if own else self.terms, strict=True))
 
     @cached_property
-    def _stages(self) -> tuple[distortion.Stage, ...]:
-        lens = distortion.stages(self.model, tuple(self._named_terms.values()))
+    def _lens(self) -> tuple[distortion.Stage, ...]:
+        return distortion.stages(self.model, tuple(self._named_terms.values()))
+
+    @cached_property
+    def _stages(self) -> tuple[distortion.Stage | RollingShutter, ...]:
         if not any(self.readout):
-            return lens
+            return self._lens
         rate = np.asarray(self.readout) / [self.width, self.height]
         start = float(rate @ (self.principal_point - np.array([self.width, self.height]) / 2))
         across, down = (rate * self.focal).tolist()
-        return (RollingShutter(lens, self.turn, (across, down), start),)
+        return (RollingShutter(self._lens, self.turn, (across, down), start),)
 
     @property
     def is_distorted(self) -> bool:
@@ -177,10 +180,10 @@ class Intrinsics:
         return rays
 
     def distort_jacobian(self, rays: Floats) -> Floats:
-        """Return the derivative (..., 2, 2) of `distort` at rays (..., 2)."""
+        """Return the derivative (..., 2, 2) of `distort` at rays (..., 2), with a global shutter."""
         result = np.broadcast_to(np.eye(2), (*rays.shape, 2))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for stage in self._stages:
+            for stage in self._lens:
                 result = stage.jacobian(rays) @ result
                 rays = stage.distort(rays)
         return result

@@ -53,22 +53,6 @@ class RollingShutter:
                 break
         return seen.reshape(rays.shape)
 
-    def jacobian(self, rays: Floats) -> Floats:
-        """Return (..., 2, 2) derivative at rays (..., 2), that of the time of reading included."""
-        when = self._when(self.distort(rays))
-        ahead = self._turned(rays, when)
-        place = ahead[..., :2] / ahead[..., 2:]
-        by_ahead = np.concatenate([np.broadcast_to(np.eye(2), (*place.shape, 2)), -place[..., None]], axis=-1)
-        by_ahead = by_ahead / ahead[..., 2:, None]
-        for stage in self.lens:
-            by_ahead = stage.jacobian(place) @ by_ahead
-            place = stage.distort(place)
-        by_time = (by_ahead @ np.cross(self.turn, ahead)[..., None])[..., 0]
-        columns = np.stack([turned(axis, self.turn, when) for axis in np.eye(3)[:2]], axis=-1)
-        # seen = f(rays, time), time = rate . seen + start
-        held = np.eye(2) - by_time[..., :, None] * np.asarray(self.rate)
-        return np.asarray(np.linalg.solve(held, by_ahead @ columns))
-
     def undistort(self, rays: Floats) -> Floats:
         """Return the rays (..., 2) that `distort` moves to given rays at known times; NaN without one."""
         when = self._when(rays)
