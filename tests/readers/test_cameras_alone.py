@@ -16,7 +16,7 @@ from addon.core.camera.reconstruction import Reconstruction, rotation_matrix
 from addon.core.depth.user_maps import open_depth
 from addon.core.focus.picking import check_place
 from addon.core.media.clip import Footage, FrameRange, open_footage
-from addon.core.readers import read_reconstruction, recorded_clip, recorded_depth, stray
+from addon.core.readers import read_reconstruction, recorded_clip, recorded_depth
 
 from .. import camera_files as files
 from .. import planes
@@ -157,13 +157,6 @@ def test_stray_scanner(tmp_path: Path, clip: Path, known: Reconstruction) -> Non
     imported = read_reconstruction(folder, open_footage(own))
     assert imported.lacks_points and imported.format == "Stray Scanner"
     assert_same(imported.reconstruction, known)
-    found = stray.depth(folder, 5)
-    assert found is not None
-    metres, sure = found
-    assert np.isnan(metres[:20]).all() and (metres[20:] == 4.0).all()
-    assert np.unique(sure[20:, [0, 100, 200]], axis=0).tolist() == [[0.0, 0.5, 1.0]]
-    assert not sure[:20].any()
-    assert stray.depth(folder, 12) is None
 
 
 def test_the_lidar_of_a_recording_becomes_depth_maps(

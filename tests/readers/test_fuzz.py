@@ -22,7 +22,7 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.readers import READERS
-from addon.core.readers.imported_model import ImportedModel
+from addon.core.readers.imported_model import Imported
 from addon.core.readers.matching import match
 
 from .. import foreign_models as foreign
@@ -160,7 +160,7 @@ IN_BINARY: list[Mutation] = [
 ]  # fmt: skip
 
 
-def read(folder: Path, label: str) -> ImportedModel:
+def read(folder: Path, label: str) -> Imported:
     """With the format's own reader, whether or not it still recognises the file."""
     reader = next(reader for reader in READERS if label.startswith(reader.FORMAT.split()[0]))
     whole = label.startswith(("COLMAP", "Stray"))

@@ -14,8 +14,8 @@ from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.media.clip import Footage, open_footage
 from addon.core.readers import bundler, nvm, read_reconstruction, voodoo
 from addon.core.readers.building import undistorting
-from addon.core.readers.imported_model import ImportedModel
-from addon.core.readers.matching import ONLY_TURNS, Imported, match
+from addon.core.readers.imported_model import Imported
+from addon.core.readers.matching import ONLY_TURNS, match
 
 from .. import foreign_models as foreign
 from ..foreign_models import LENS, NAMES, SIZE, world
@@ -441,9 +441,9 @@ def test_voodoo_counts_from_its_own_first_frame(tmp_path: Path) -> None:
 # Matching.
 
 
-def known(names: tuple[str, ...], camera: Intrinsics = LENS) -> ImportedModel:
+def known(names: tuple[str, ...], camera: Intrinsics = LENS) -> Imported:
     """A model whose k-th image has its camera at x = k / 5."""
-    return ImportedModel("Test", world(camera, images=len(names)), names)
+    return Imported(world(camera, images=len(names)), "Test", names=names)
 
 
 def order(imported: Imported) -> list[tuple[int, int]]:
@@ -526,7 +526,7 @@ def test_only_lenses_that_are_used_are_kept() -> None:
     model = world()
     lenses = tuple(replace(LENS, fx=80.0 + i, fy=80.0 + i) for i in range(4))
     images = tuple(replace(image, camera=image.frame) for image in model.images)
-    foreign_model = ImportedModel("Test", Reconstruction(lenses, images, model.points), NAMES)
+    foreign_model = Imported(Reconstruction(lenses, images, model.points), "Test", names=NAMES)
     imported = match(foreign_model, foreign.footage(NAMES[:2]))
     assert [lens.fx for lens in imported.reconstruction.cameras] == [80.0, 81.0]
     assert [image.camera for image in imported.reconstruction.images] == [0, 1]

@@ -11,8 +11,8 @@ from ..media.clip import Footage
 from ..media.picture_file import ARRAY, ARRAYS, PICTURES
 from ..media.sequence import clip_files, is_litter
 from . import bundler, camera_arrays, colmap, nvm, record3d, stray, transforms, voodoo
-from .imported_model import ImportedModel
-from .matching import Imported, match
+from .imported_model import Imported
+from .matching import match
 from .parsing import wrong
 
 
@@ -30,7 +30,7 @@ class Reader(Protocol):
     def recognises(self, path: Path) -> bool:
         """Return whether a file or folder looks like the format; False if it cannot be read."""
 
-    def read(self, path: Path, size: tuple[int, int]) -> ImportedModel:
+    def read(self, path: Path, size: tuple[int, int]) -> Imported:
         """Read the model of a file or folder; raises UserError that names the invalid place in it.
 
         `size` is the pictures' (width, height) in pixels, for formats without a size.
@@ -42,12 +42,6 @@ class Recording(Reader, Protocol):
 
     def clip(self, path: Path) -> Path:
         """Return the clip of a recording, unpacked beside it if necessary; raises UserError."""
-
-    def write_depth(self, path: Path, folder: Path) -> Path | None:
-        """Write measured depth as maps of the clip into a folder, unless it exists; None without depth.
-
-        Raises UserError if it cannot be written.
-        """
 
 
 RECORDINGS: tuple[Recording, ...] = (stray, record3d)
@@ -91,7 +85,7 @@ def recorded_depth(path: Path, work_dir: Path) -> Path | None:
     """Return the depth maps of a recording, beside a working folder, or None; raises UserError."""
     path = Path(path).expanduser()
     folder = work_dir.with_name(f"{work_dir.stem}_lidar")
-    return next((reader.write_depth(path, folder) for reader in RECORDINGS if reader.recognises(path)), None)
+    return stray.write_depth(path, folder) if stray.recognises(path) else None
 
 
 def _recognised(path: Path) -> tuple[Reader, Path]:

@@ -15,7 +15,7 @@ from ..base.counting import counted
 from ..base.errors import UserError
 from ..camera.reconstruction import Image, Intrinsics
 from .building import assemble, check_size, observations_of, picture_size, rotation_from
-from .imported_model import ImportedModel
+from .imported_model import Imported
 from .parsing import Numbers, Text, beginning
 from .poses import OPENGL
 
@@ -32,7 +32,7 @@ def recognises(path: Path) -> bool:
     return start is not None and (is_marked or path.suffix.lower() == ".out")
 
 
-def read(path: Path, size: tuple[int, int]) -> ImportedModel:
+def read(path: Path, size: tuple[int, int]) -> Imported:
     """Read a bundle file; see `Reader.read`. The size of a listed picture beside the file has priority."""
     text = Text(path)
     if HEADER.fullmatch(text.demand("a header")) is None:
@@ -54,7 +54,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     views = replace(views, xy=views.xy * [1.0, -1.0] + np.array(size) / 2)
     notes += [*lost, *check_size(path, size, views.xy)]
     reconstruction = assemble(lenses, images, views, numbers.values[columns], numbers.values[columns + 3])
-    return ImportedModel(f"{FORMAT} v0.3", reconstruction, tuple(names), tuple(notes))
+    return Imported(reconstruction, f"{FORMAT} v0.3", tuple(notes), tuple(names))
 
 
 def _starts(numbers: Numbers, cameras: int, points: int) -> NDArray[np.int64]:

@@ -26,7 +26,7 @@ from ..base.npz import array_shapes, read_arrays
 from ..base.regular_file import read_regular
 from ..camera.reconstruction import Intrinsics, Reconstruction
 from ..media.sequence import is_litter
-from .imported_model import ImportedModel
+from .imported_model import Imported
 from .parsing import wrong
 from .poses import OPENCV, cameras, finite, lens
 
@@ -45,19 +45,12 @@ def recognises(path: Path) -> bool:
     return _kind(path) != "" or _poses_in(path) is not None
 
 
-def read(path: Path, size: tuple[int, int]) -> ImportedModel:
+def read(path: Path, size: tuple[int, int]) -> Imported:
     """Read the cameras of a file or of ViPE's folder; see `Reader.read`."""
     path = _poses_in(path) or path
-    match _kind(path):
-        case "MegaSaM":
-            model, names = _megasam(path, size)
-        case "ViPE":
-            model, names = _vipe(path, size)
-        case "Depth Anything 3":
-            model, names = _depth_anything(path)
-        case _:
-            raise UserError(f"{path} has no arrays of cameras; give MegaSaM's, ViPE's or DA3's .npz")
-    return ImportedModel(_kind(path), model, names)
+    kind = _kind(path)
+    model, names = KINDS[kind][1](path, size)
+    return Imported(model, kind, names=names)
 
 
 def _arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[np.generic]]:
@@ -74,8 +67,7 @@ def _kind(path: Path) -> str:
         names = array_shapes(path).keys()
     except (OSError, ValueError):
         return ""
-    kinds = {"MegaSaM": MEGASAM, "ViPE": VIPE, "Depth Anything 3": DEPTH_ANYTHING}
-    return next((kind for kind, wanted in kinds.items() if names >= set(wanted)), "")
+    return next((kind for kind, (wanted, _) in KINDS.items() if names >= set(wanted)), "")
 
 
 def _poses_in(path: Path) -> Path | None:
@@ -134,7 +126,7 @@ def _check_pinhole(path: Path) -> None:
         raise wrong(path, f"PINHOLE cameras, not {sorted(others)[0][:40]}; run ViPE with that")
 
 
-def _depth_anything(path: Path) -> tuple[Reconstruction, tuple[str, ...]]:
+def _depth_anything(path: Path, _size: tuple[int, int]) -> tuple[Reconstruction, tuple[str, ...]]:
     read = _arrays(path, DEPTH_ANYTHING)
     shape = array_shapes(path).get("depth", ())
     if len(shape) != 3:
@@ -156,3 +148,10 @@ def _pinhole(place: str, size: tuple[int, int], matrix: Floats) -> Intrinsics:
     """Make a lens from a 3 x 3 matrix of pixels that count from the centre of the first one."""
     values = matrix[[0, 1, 0, 1], [0, 1, 2, 2]] + [0, 0, CENTRE, CENTRE]
     return lens(place, "PINHOLE", size, values.tolist())
+
+
+KINDS = {
+    "MegaSaM": (MEGASAM, _megasam), "ViPE": (VIPE, _vipe),
+    "Depth Anything 3": (DEPTH_ANYTHING, _depth_anything),
+}  # fmt: skip
+"""Arrays by which a program's file is recognised, and its reader."""

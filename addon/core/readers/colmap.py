@@ -9,7 +9,7 @@ from pathlib import Path
 from ..base.errors import UserError
 from . import colmap_binary, colmap_text
 from .colmap_tables import assemble
-from .imported_model import ImportedModel
+from .imported_model import Imported
 
 FORMAT = "COLMAP"
 KINDS = {".bin": ("COLMAP binary", colmap_binary), ".txt": ("COLMAP text", colmap_text)}
@@ -28,7 +28,7 @@ def recognises(path: Path) -> bool:
         return False
 
 
-def read(path: Path, size: tuple[int, int]) -> ImportedModel:
+def read(path: Path, size: tuple[int, int]) -> Imported:
     """Read the model in a folder or of a file in it; see `Reader.read`.
 
     Images are in the order of their IMAGE_IDs. If both kinds exist, a named file decides, or else the kind
@@ -40,7 +40,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     kind = path.suffix if path.is_file() else _kind(folder)
     label, parser = KINDS[kind]
     reconstruction, names = assemble(parser.read(folder))
-    return ImportedModel(label, reconstruction, names, _other_models(folder))
+    return Imported(reconstruction, label, _other_models(folder), names)
 
 
 def _model_folder(path: Path) -> Path | None:

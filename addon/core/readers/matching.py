@@ -17,7 +17,7 @@ from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
 from ..media.clip import Footage, describe
 from . import bundler
-from .imported_model import ImportedModel
+from .imported_model import Imported as Imported
 
 SAME_ASPECT = 0.01
 """Largest relative difference of the aspect ratios of clip and model, due to whole pixels."""
@@ -26,26 +26,6 @@ NO_PATH = 1e-4
 ONLY_TURNS = "the camera only turns: all cameras are at one place, so the points have no depth of their own"
 SHOWN = 5
 """Names of images in an error."""
-
-
-@dataclass(frozen=True)
-class Imported:
-    """An imported model as a solve of the clip."""
-
-    reconstruction: Reconstruction
-    """`Image.frame` is the clip's frame number; images are in that order; not normalised."""
-    format: str
-    notes: tuple[str, ...]
-    """Remarks for the user, one sentence each."""
-    projected: bool = False
-    """See `ImportedModel.projected`."""
-    placed: bool = False
-    """True if the world is that of an existing scene, and must not be moved."""
-
-    @property
-    def lacks_points(self) -> bool:
-        """Return whether no point is seen by two frames, as for points computed from depth."""
-        return not np.any(self.reconstruction.views_per_point > 1)
 
 
 @dataclass
@@ -59,7 +39,7 @@ class _Pairing:
     note: str = ""
 
 
-def match(model: ImportedModel, footage: Footage) -> Imported:
+def match(model: Imported, footage: Footage) -> Imported:
     """Assign the clip's frame numbers to a model's images, and the clip's size to its lenses.
 
     Raises UserError if no image matches a frame, several match the same one, or the model's pictures had
@@ -96,10 +76,10 @@ def match(model: ImportedModel, footage: Footage) -> Imported:
     notes += scaled
     if at_one_place(reconstruction):
         notes.append(ONLY_TURNS)
-    return Imported(reconstruction, model.format, tuple(notes), model.projected)
+    return replace(model, reconstruction=reconstruction, notes=tuple(notes), names=())
 
 
-def _pair(model: ImportedModel, footage: Footage) -> _Pairing:
+def _pair(model: Imported, footage: Footage) -> _Pairing:
     named = {index: _parts(name) for index, name in enumerate(model.names) if name}
     registered = [image.frame for image in model.reconstruction.images]
     ways = [] if footage.is_video else [_by(named, footage, _file_name), _by(named, footage, _stem)]
@@ -125,7 +105,7 @@ def _pair(model: ImportedModel, footage: Footage) -> _Pairing:
     raise _no_match(model, footage)
 
 
-def _no_match(model: ImportedModel, footage: Footage) -> UserError:
+def _no_match(model: Imported, footage: Footage) -> UserError:
     count = len(model.names)
     clip = f"{footage.path.name} has {describe(footage.frames)}"
     every = if_every(count, footage.frames)
@@ -235,7 +215,7 @@ def _natural(name: str) -> list[tuple[bool, int, str]]:
     return [(piece.isdecimal(), int(piece) if piece.isdecimal() else 0, piece) for piece in pieces if piece]
 
 
-def _shown(model: ImportedModel, index: int) -> str:
+def _shown(model: Imported, index: int) -> str:
     return model.names[index] or f"camera {index}"
 
 

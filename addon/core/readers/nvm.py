@@ -16,7 +16,7 @@ from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..camera.reconstruction import Image, Intrinsics, matrix_from_quaternion
 from .building import ACCURATE, assemble, check_size, observations_of, picture_size, undistorting
-from .imported_model import ImportedModel
+from .imported_model import Imported
 from .parsing import Numbers, Text, beginning
 
 FORMAT = "VisualSFM NVM"
@@ -35,7 +35,7 @@ def recognises(path: Path) -> bool:
     return start is not None and (start.startswith(b"NVM_V") or path.suffix.lower() == ".nvm")
 
 
-def read(path: Path, size: tuple[int, int]) -> ImportedModel:
+def read(path: Path, size: tuple[int, int]) -> Imported:
     """Read the largest model of a file; see `Reader.read`. A listed picture's size has priority."""
     text = Text(path)
     fixed = _fixed(text)
@@ -63,7 +63,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
             f"{path}: the points project {miss:.0f} pixels from their features in pictures of"
             f" {size[0]}x{size[1]}; give the footage that was solved"
         )
-    return ImportedModel(f"{FORMAT} (NVM_V3)", reconstruction, model.names, tuple(notes))
+    return Imported(reconstruction, f"{FORMAT} (NVM_V3)", tuple(notes), model.names)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from ..base.counting import counted
 from ..base.errors import UserError
 from ..base.regular_file import open_regular
 from ..media.sequence import is_litter
-from .imported_model import ImportedModel
+from .imported_model import Imported
 from .parsing import wrong
 from .poses import DIGITS, OPENGL, cameras, finite, lens, to_world
 
@@ -63,7 +63,7 @@ def clip(path: Path) -> Path:
     return folder
 
 
-def read(path: Path, size: tuple[int, int]) -> ImportedModel:
+def read(path: Path, size: tuple[int, int]) -> Imported:
     """Read the cameras of a recording; the file has its own size."""
     try:
         with open_regular(path) as file, zipfile.ZipFile(file) as archive:
@@ -83,11 +83,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     ]
     poses = to_world(table[:, :4], table[:, 4:], path)
     model = cameras(poses, OPENGL, lenses, f"{place}, pose {{}}")
-    return ImportedModel(FORMAT, model, tuple(str(row) for row in range(len(table))), (NO_DEPTH,))
-
-
-def write_depth(path: Path, folder: Path) -> None:
-    """Return None: LZFSE cannot be unpacked."""
+    return Imported(model, FORMAT, (NO_DEPTH,), tuple(str(row) for row in range(len(table))))
 
 
 def _lenses(said: dict[str, Any], count: int, place: str) -> np.ndarray:

@@ -11,13 +11,14 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.atomic import staged_folder
 from ..base.errors import UserError
 from ..base.numbers import LARGEST, reals
 from ..base.regular_file import is_regular, read_regular
-from .imported_model import ImportedModel
+from .imported_model import Imported
 from .parsing import wrong
 from .poses import DIGITS, OPENCV, cameras, finite, lens, to_world
 
@@ -26,10 +27,8 @@ ODOMETRY, MATRIX, VIDEO = "odometry.csv", "camera_matrix.csv", "rgb.mp4"
 OLD = ("x", "y", "z", "qx", "qy", "qz", "qw")
 MOST = 2**28
 """Most bytes of a table."""
-SURE = 2
-"""The phone's highest level of confidence."""
-ENOUGH = 0.5
-"""Least confidence of valid depth: the phone's "medium", as in StrayVisualizer."""
+MEDIUM = 1
+"""Least level of confidence of valid depth, of 0 to 2, as in StrayVisualizer."""
 
 
 def recognises(path: Path) -> bool:
@@ -44,7 +43,7 @@ def clip(path: Path) -> Path:
     return path / VIDEO
 
 
-def read(path: Path, size: tuple[int, int]) -> ImportedModel:
+def read(path: Path, size: tuple[int, int]) -> Imported:
     """Read the cameras of a recording with a video of `size`; see `Reader.read`."""
     columns, table = _table(path / ODOMETRY)
     at = {name: table[:, column] for column, name in enumerate(columns)}
@@ -65,46 +64,39 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
         values = np.tile(matrix[[0, 1, 0, 1], [0, 1, 2, 2]], (len(table), 1))
     lenses = [lens(place.format(row), "PINHOLE", size, each) for row, each in enumerate(values)]
     model = cameras(poses, OPENCV, lenses, place)
-    return ImportedModel(FORMAT, model, tuple(str(number) for number in numbers.tolist()))
-
-
-def depth(path: Path, frame: int) -> tuple[Floats, Floats] | None:
-    """Return LiDAR depth in metres (h, w), NaN if unmeasured, and confidence (h, w) in [0, 1].
-
-    `frame` counts from 0. Returns None without a file; raises UserError if it is damaged.
-    """
-    file, sure = (path / folder / f"{frame:06d}.png" for folder in ("depth", "confidence"))
-    if not is_regular(file):
-        return None
-    millimetres = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-    if millimetres is None or millimetres.ndim != 2 or millimetres.dtype != np.uint16:
-        raise wrong(file, "a gray picture of 16 bits, in millimeters")
-    metres = np.where(millimetres > 0, millimetres / 1000.0, np.nan)
-    level = cv2.imread(str(sure), cv2.IMREAD_UNCHANGED) if is_regular(sure) else np.full(metres.shape, SURE)
-    if level is None or level.shape != metres.shape:
-        raise wrong(sure, f"a gray picture of {metres.shape[1]}x{metres.shape[0]}")
-    return metres, np.where(np.isfinite(metres), np.clip(level / SURE, 0, 1), 0.0)
+    return Imported(model, FORMAT, names=tuple(str(number) for number in numbers.tolist()))
 
 
 def write_depth(path: Path, folder: Path) -> Path | None:
     """Write the LiDAR's depth as maps of the clip, 16-bit PNG in mm, 0 for low confidence.
 
     Returns the folder, unchanged if it exists, or None without measurements. Raises UserError if it cannot be
-    written.
+    written, or a measurement is damaged.
     """
-    measured = sorted(int(file.stem) for file in (path / "depth").glob("*.png") if file.stem.isdecimal())
+    measured = [file for file in (path / "depth").glob("*.png") if file.stem.isdecimal() and is_regular(file)]
     if folder.exists() or not measured:
         return folder if folder.exists() else None
     try:
         with staged_folder(folder) as part:
-            for frame in measured:
-                metres, confidence = depth(path, frame) or (np.zeros((1, 1)), np.zeros((1, 1)))
-                sure = np.where(confidence >= ENOUGH, metres * 1000, 0).round().astype(np.uint16)
+            for file in measured:
+                data = cv2.imencode(".png", _millimetres(file))[1].tobytes()
                 # Maps are numbered from 1, as the video's frames are.
-                (part / f"{frame + 1:06d}.png").write_bytes(cv2.imencode(".png", sure)[1].tobytes())
+                (part / f"{int(file.stem) + 1:06d}.png").write_bytes(data)
     except OSError as error:
         raise UserError(f"{folder} cannot be written: {error.strerror}") from None
     return folder
+
+
+def _millimetres(file: Path) -> NDArray[np.uint16]:
+    """(h, w) of a picture of depth, 0 where it is unmeasured or the phone was not sure."""
+    sure = file.parents[1] / "confidence" / file.name
+    depth = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+    if depth is None or depth.ndim != 2 or depth.dtype != np.uint16:
+        raise wrong(file, "a gray picture of 16 bits, in millimeters")
+    level = cv2.imread(str(sure), cv2.IMREAD_UNCHANGED) if is_regular(sure) else np.full(depth.shape, MEDIUM)
+    if level is None or level.shape != depth.shape:
+        raise wrong(sure, f"a gray picture of {depth.shape[1]}x{depth.shape[0]}")
+    return np.where(level >= MEDIUM, depth, np.uint16(0))
 
 
 def _table(path: Path) -> tuple[list[str], Floats]:

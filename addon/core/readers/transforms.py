@@ -16,7 +16,7 @@ import numpy as np
 from ..base.errors import UserError
 from ..base.regular_file import open_regular, read_regular
 from ..camera.reconstruction import Intrinsics
-from .imported_model import ImportedModel
+from .imported_model import Imported
 from .parsing import wrong
 from .poses import OPENGL, cameras, finite, lens
 
@@ -46,7 +46,7 @@ def recognises(path: Path) -> bool:
     return b'"frames"' in start or b'"transform_matrix"' in start
 
 
-def read(path: Path, size: tuple[int, int]) -> ImportedModel:
+def read(path: Path, size: tuple[int, int]) -> Imported:
     """Read the cameras of a file; `size` is for files without one. See `Reader.read`."""
     whole = _contents(path)
     frames = whole.get("frames")
@@ -65,7 +65,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
             raise wrong(place, "a file_path")
         names.append(name)
     model = cameras(np.array(matrices), OPENGL, lenses, f"{path}, frame {{}}")
-    return ImportedModel(FORMAT, model, tuple(names))
+    return Imported(model, FORMAT, names=tuple(names))
 
 
 def _contents(path: Path) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from ..base.arrays import Floats
 from ..camera.intrinsics import MAX_SIDE
 from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from .building import ACCURATE, rotation_from, undistorting
-from .imported_model import ImportedModel
+from .imported_model import Imported
 from .parsing import Text, beginning
 from .poses import lens
 
@@ -35,7 +35,7 @@ def recognises(path: Path) -> bool:
     return re.match(rb"#\s*text export", beginning(path) or b"", re.IGNORECASE) is not None
 
 
-def read(path: Path, size: tuple[int, int]) -> ImportedModel:
+def read(path: Path, size: tuple[int, int]) -> Imported:
     """Read an export without 2D tracks: features are the projections of points. See `Reader.read`."""
     text = Text(path)
     if not re.match(r"#\s*text export", text.demand("'# Text export'"), re.IGNORECASE):
@@ -88,9 +88,8 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
         inside = (local[:, 2] > 0) & np.all((xy >= 0) & (xy <= [camera.width, camera.height]), axis=1)
         whole.append(replace(image, xy=xy[inside], points=used[inside]))
     points = Points(xyz, np.full(xyz.shape, 128, dtype=np.uint8), np.zeros(len(xyz)))
-    return ImportedModel(
-        FORMAT, Reconstruction(tuple(cameras), tuple(whole), points), tuple(names), tuple(notes), True
-    )
+    solved = Reconstruction(tuple(cameras), tuple(whole), points)
+    return Imported(solved, FORMAT, tuple(notes), tuple(names), projected=True)
 
 
 def _camera(text: Text, values: Floats) -> tuple[Intrinsics, Floats, float]:
