@@ -7,7 +7,6 @@ coordinates seen through the lens: the angle to the axis of a fisheye (`Arc`) in
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -51,19 +50,6 @@ PLACES = ("f", "fx", "fy", "cx", "cy")
 def term_names(model: str) -> tuple[str, ...]:
     """Return the names of a model's distortion terms, in COLMAP's order."""
     return tuple(name for name in PARAMETERS[model] if name not in PLACES)
-
-
-class Stage(Protocol):
-    """A map of the plane (..., 2) -> (..., 2) that leaves the origin where it is."""
-
-    def distort(self, rays: Floats) -> Floats:
-        """Return rays (..., 2) as this stage moves them."""
-
-    def jacobian(self, rays: Floats) -> Floats:
-        """Return (..., 2, 2) derivative at rays (..., 2)."""
-
-    def undistort(self, rays: Floats) -> Floats:
-        """Return the rays (..., 2) that `distort` moves to given rays (..., 2); NaN without one."""
 
 
 class Arc:
@@ -156,6 +142,10 @@ class Brown:
         under, fall = _polynomial(self.below, q)
         factor = above / under
         return factor, (rise - factor * fall) / under
+
+
+Stage = Arc | Brown
+"""A map of the plane (..., 2) -> (..., 2) that leaves the origin where it is, its derivative and inverse."""
 
 
 def stages(model: str, terms: Sequence[float]) -> tuple[Stage, ...]:

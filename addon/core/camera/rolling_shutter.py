@@ -58,14 +58,11 @@ class RollingShutter:
         when = self._when(rays)
         for stage in reversed(self.lens):
             rays = stage.undistort(rays)
-        ahead = self._turned(rays, -when)
+        ahead = turned(np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1), self.turn, -when)
         return np.asarray(ahead[..., :2] / np.where(ahead[..., 2:] > 0, ahead[..., 2:], np.nan))
 
     def _when(self, seen: Floats) -> Floats:
         return np.asarray(seen @ np.asarray(self.rate) + self.start)
-
-    def _turned(self, rays: Floats, when: Floats) -> Floats:
-        return turned(np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1), self.turn, when)
 
     def _through_lens(self, rays: Floats) -> Floats:
         for stage in self.lens:

@@ -142,40 +142,20 @@ class _Path:
         apart = camera.fx * np.linalg.norm(move[own, :2], axis=1) * spread
         if not apart.max(initial=0.0) <= MOST_PARALLAX * camera.width:
             return float(np.inf)
-        steady = _Steady(
-            turn[own], move[own], self._levels[own], self._turns[own], self._rec.readout,
-            self._beyond * camera.width,
-        )  # fmt: skip
-        if steady.is_shown(camera, 1.0):
+        if self._is_shown(number, turn[own], move[own], 1.0):
             return 1.0
         low, high = 1.0, MOST_ZOOM
-        if not steady.is_shown(camera, high):
+        if not self._is_shown(number, turn[own], move[own], high):
             return float(np.inf)
         for _ in range(TRIES):
             middle = (low + high) / 2
-            low, high = (low, middle) if steady.is_shown(camera, middle) else (middle, high)
+            is_shown = self._is_shown(number, turn[own], move[own], middle)
+            low, high = (low, middle) if is_shown else (middle, high)
         return high
 
-
-@dataclass(frozen=True)
-class _Steady:
-    """Steadier cameras (n) beside those of a clip's frames."""
-
-    turn: Floats
-    """(n, 3, 3) from the frames' camera spaces into theirs."""
-    move: Floats
-    """(n, 3)"""
-    levels: Floats
-    """(n, k) inverse depths that they see."""
-    turns: Floats
-    """(n, 3) rotation vectors from the frames to the next."""
-    readout: tuple[float, float]
-    """As of `Reconstruction`."""
-    beyond: float
-    """Pixels past the border that count as shown."""
-
-    def is_shown(self, camera: Intrinsics, zoom: float) -> bool:
-        """Return whether the frames of a camera cover the whole border of the zoomed view."""
+    def _is_shown(self, number: int, turn: Floats, move: Floats, zoom: float) -> bool:
+        """Whether the frames of a camera cover the whole border of the zoomed views (n) of steadier ones."""
+        camera, own, readout = self._rec.cameras[number], self._camera == number, self._rec.readout
         size = np.array([camera.width, camera.height])
         along = np.linspace(0, 1, ALONG)
         sides = [np.column_stack([along, np.full(ALONG, end)]) for end in (0.0, 1.0)]
@@ -183,14 +163,14 @@ class _Steady:
         plane = camera.undistort((border - camera.principal_point) / (camera.focal * zoom))
         rays = np.column_stack([plane, np.ones(len(plane))])
         # X' = R X + t, of points at 1/d along the steadier camera's rays.
-        back = rays[None, None] - (self.move[:, None] * self.levels[..., None])[:, :, None]
-        local = np.einsum("nji,nkbj->nkbi", self.turn, back)
+        back = rays[None, None] - (move[:, None] * self._levels[own][..., None])[:, :, None]
+        local = np.einsum("nji,nkbj->nkbi", turn, back)
         seen = camera.project(local)
-        for _ in range(READINGS if any(self.readout) else 0):
-            when = (seen / size - 0.5) @ np.asarray(self.readout)
-            seen = camera.project(turned(local, self.turns[:, None, None], when))
+        for _ in range(READINGS if any(readout) else 0):
+            when = (seen / size - 0.5) @ np.asarray(readout)
+            seen = camera.project(turned(local, self._turns[own][:, None, None], when))
         # A hundredth of a pixel is rounding.
-        beyond = self.beyond + 0.01
+        beyond = self._beyond * camera.width + 0.01
         return bool(np.all((seen >= -beyond) & (seen <= size + beyond)))
 
 

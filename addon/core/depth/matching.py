@@ -30,21 +30,6 @@ NO_MATCH = 0.875
 
 
 @dataclass(frozen=True)
-class Features:
-    """Pixels of known depth."""
-
-    inverse_depth: Map
-    """(h, w) in 1 / scene units."""
-    count: Map
-    """(h, w) number of features, 0 in unknown pixels."""
-
-    @classmethod
-    def none(cls, shape: tuple[int, ...]) -> Features:
-        """Return features without a known pixel (h, w)."""
-        return cls(np.zeros(shape[:2], np.float32), np.zeros(shape[:2], np.float32))
-
-
-@dataclass(frozen=True)
 class Winners:
     """The level of each pixel with the least sum of costs, and the measures for its confidence."""
 
@@ -63,7 +48,7 @@ Matcher = Callable[[Bytes, Sequence[View], Floats, Map, Map], Winners]
 
 
 def matched_levels(
-    picture: Bytes, views: Sequence[View], levels: Floats, features: Features, matcher: Matcher
+    picture: Bytes, views: Sequence[View], levels: Floats, known: Map, matcher: Matcher
 ) -> tuple[Map, Map]:
     """Return the depth level (h, w) of each pixel and its confidence (h, w), without regard to parallax.
 
@@ -71,11 +56,10 @@ def matched_levels(
         picture: (h, w, 4) the frame.
         views: Its neighbours.
         levels: (k,) inverse depths, evenly spaced.
-        features: Pixels of known depth.
+        known: (h, w) their `known_levels`, NaN where none is known.
         matcher: Finds the levels.
     """
     guide = np.asarray(cv2.cvtColor(picture[..., :3], cv2.COLOR_RGB2GRAY), np.float32)
-    known = _known_levels(features, levels)
     found = matcher(picture, views, levels, guide, known)
     texture = cv2.blur(found.spread, (TEXTURE_WINDOW,) * 2)
     unique = np.clip(1.2 - found.rivals / np.float32(RIVAL_SHARE * len(levels)), 0, 1)
@@ -107,14 +91,15 @@ def winning_levels(picture: Bytes, views: Sequence[View], levels: Floats, guide:
     return Winners(level, rivals, at / np.float32(STEPS), spread / np.float32(STEPS))
 
 
-def _known_levels(features: Features, levels: Floats) -> Map:
-    """(h, w) level of features and of the pixels beside them, at inverse depths (k,); NaN elsewhere."""
-    row, column = np.nonzero(cv2.dilate(features.count, np.ones((3, 3))))
-    total, number = (
-        cv2.boxFilter(part, -1, (3, 3), normalize=False)
-        for part in (features.inverse_depth * features.count, features.count)
-    )
-    known = np.full(features.count.shape, np.nan, np.float32)
+def known_levels(inverse: Map, count: Map, levels: Floats) -> Map:
+    """Return the level (h, w) of pixels with features and of those beside them, NaN elsewhere.
+
+    `inverse` (h, w) is the mean inverse depth of a pixel's features, `count` (h, w) their number, and
+    `levels` (k,) are inverse depths.
+    """
+    row, column = np.nonzero(cv2.dilate(count, np.ones((3, 3))))
+    total, number = (cv2.boxFilter(part, -1, (3, 3), normalize=False) for part in (inverse * count, count))
+    known = np.full(count.shape, np.nan, np.float32)
     mean = (total / np.maximum(number, 1))[row, column]
     known[row, column] = (mean - levels[0]) / (levels[1] - levels[0])
     return known

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Floats, Map, Mask
-from ..base.lru_cache import LRUCache
+from ..base.lru_cache import remembered
 from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
@@ -20,7 +20,7 @@ from ..media.light import to_rgb8
 from ..media.picture_file import Pixels
 from .completion import interpolate, smooth, splat
 from .light_falloff import LightFalloff, light_falloff
-from .matching import Features, Matcher, matched_levels, winning_levels
+from .matching import Matcher, known_levels, matched_levels, winning_levels
 from .plane_sweep import View, small_picture
 from .source import FAINTEST
 from .sparse import FEWEST_POINTS, FrameFeatures, frame_features
@@ -113,9 +113,6 @@ class PlaneSweepStereo:
         """
         self._rec, self._read, self._long_side, self._mask = reconstruction, read, long_side, mask
         self._unseen, self._matcher, self._fixed = unseen or mask, matcher, fixed
-        self._pictures = LRUCache[Bytes](KEPT_PICTURES, lambda picture: picture.nbytes)
-        self._ranges = LRUCache[tuple[float, float]]()
-        self._parallaxes = LRUCache[list[tuple[Image, float]]]()
 
     def at(self, frame: int) -> DenseDepth:
         """Return the depth of the static scene in a frame; that of moving pixels is nowhere sure.
@@ -124,13 +121,13 @@ class PlaneSweepStereo:
         more than a flat picture can show.
         """
         image, _ = self._rec.image_at(frame)
-        masked = self._masked(image)
-        canvas, own = self._canvas(image), self._picture(image).copy()
+        masked = self.moving(frame)
+        canvas, own = self.canvas(image), self._picture(frame).copy()
         own[masked, 3] = np.minimum(own[masked, 3], MASKED)
         shape = (own.shape[0], own.shape[1])
         guide = cv2.cvtColor(own[..., :3], cv2.COLOR_RGB2GRAY).astype(np.float32)
         features = frame_features(self._rec, frame, canvas)
-        low, high = self._range(image)
+        low, high = self._range(image.frame)
         high = self._nearest(image, own, low, high)
         middle = (low + high) / 2
         known, count = splat(features.observed, features.inverse_depth, shape)
@@ -147,7 +144,9 @@ class PlaneSweepStereo:
         if falloff is not None:
             own = falloff.even(own, canvas.pinhole)
         views = [self._view(image, own, one, middle, falloff) for one in near]
-        level, confidence = matched_levels(own, views, levels, Features(known, count), self._matcher)
+        level, confidence = matched_levels(
+            own, views, levels, known_levels(known, count, levels), self._matcher
+        )
         inverse = low + (levels[1] - levels[0]) * smooth(level)
         inverse = np.maximum(inverse, 0).astype(np.float32)
         if widest < SURE_PARALLAX:
@@ -161,70 +160,59 @@ class PlaneSweepStereo:
 
     def moving(self, frame: int) -> Mask:
         """Return the known moving pixels (h, w) of a frame, at the size worked at."""
-        return self._masked(self._rec.image_at(frame)[0])
+        return self.on_canvas(self._rec.image_at(frame)[0], self._mask(frame) if self._mask else None)
 
     def pinhole(self, frame: int) -> Intrinsics:
         """Return the pinhole that a frame's depth is seen through, at the size worked at."""
         return self.canvas(frame).pinhole
 
-    def canvas(self, frame: int) -> Canvas:
+    def canvas(self, of: Image | int) -> Canvas:
         """Return the undistorted picture of a frame at the size worked at."""
-        return self._canvas(self._rec.image_at(frame)[0])
+        image = of if isinstance(of, Image) else self._rec.image_at(of)[0]
+        camera = self._rec.cameras[image.camera]
+        zoom = min(1.0, self._long_side / max(camera.width, camera.height))
+        size = max(round(camera.width * zoom), 1), max(round(camera.height * zoom), 1)
+        return self._rec.canvas(image, size)
 
     def prefetch(self, frames: list[int]) -> None:
         """Read the pictures for the depth of frames in the order of the clip.
 
         A video read back and forth is decoded again and again. Errors as of `at`.
         """
-        wanted = dict[int, Image]()
+        wanted = set(frames)
         for frame in frames:
             image, _ = self._rec.image_at(frame)
-            span = self._range(image)
-            wanted[image.frame] = image
+            span = self._range(image.frame)
             for shares in (DEPTH_PARALLAXES, PROBE_PARALLAXES):
-                near = self._neighbours(image, span, shares)
-                wanted |= {one.image.frame: one.image for one in near}
-        for _, image in sorted(wanted.items()):
+                wanted |= {one.image.frame for one in self._neighbours(image, span, shares)}
+        for each in sorted(wanted):
             checkpoint()
-            self._picture(image)
+            self._picture(each)
 
     def picture(self, frame: int) -> Bytes:
         """Return (h, w, 3) sRGB of a frame, as its depth is over it."""
-        return np.ascontiguousarray(self._picture(self._rec.image_at(frame)[0])[..., :3])
+        return np.ascontiguousarray(self._picture(frame)[..., :3])
 
-    def _canvas(self, image: Image) -> Canvas:
-        """The undistorted picture of a frame at the size worked at."""
-        camera = self._rec.cameras[image.camera]
-        zoom = min(1.0, self._long_side / max(camera.width, camera.height))
-        size = max(round(camera.width * zoom), 1), max(round(camera.height * zoom), 1)
-        return self._rec.canvas(image, size)
-
-    def _picture(self, image: Image) -> Bytes:
+    @remembered(KEPT_PICTURES, lambda picture: picture.nbytes)
+    def _picture(self, frame: int) -> Bytes:
         """(h, w, 4) RGB as shown in the canvas, and 255 where the lens saw something, less what is masked."""
-        return self._pictures.get(image.frame, lambda: self._shown(image))
-
-    def _shown(self, image: Image) -> Bytes:
-        """The picture (h, w, 4) that `_picture` remembers."""
-        canvas = self._canvas(image)
+        image, _ = self._rec.image_at(frame)
+        canvas = self.canvas(image)
         size = (canvas.camera.width, canvas.camera.height)
         checkpoint()
-        small = cv2.resize(to_rgb8(self._read(image.frame)), size, interpolation=cv2.INTER_AREA)
+        small = cv2.resize(to_rgb8(self._read(frame)), size, interpolation=cv2.INTER_AREA)
         small = np.dstack([small, np.full(small.shape[:2], 255, np.uint8)])
         small = _straightened(small, canvas) if canvas.camera.is_distorted else small
-        small[self.on_canvas(image, self._unseen(image.frame) if self._unseen else None), 3] = MASKED
+        small[self.on_canvas(image, self._unseen(frame) if self._unseen else None), 3] = MASKED
         small[self.on_canvas(image, self._fixed()), 3] = 0
         return small
-
-    def _masked(self, image: Image) -> Mask:
-        """(h, w) of the canvas, what is known to move by itself."""
-        return self.on_canvas(image, self._mask(image.frame) if self._mask else None)
 
     def on_canvas(self, image: Image, mask: Map | Mask | None) -> Mask:
         """Return the pixels (h, w) of the canvas that a mask (H, W) over the source frame touches.
 
         Even slightly covered pixels count, as none of their colour may be taken for the background.
         """
-        canvas = self._canvas(image)
+        canvas = self.canvas(image)
         if mask is None:
             return np.zeros((canvas.pinhole.height, canvas.pinhole.width), bool)
         size = (canvas.camera.width, canvas.camera.height)
@@ -232,12 +220,10 @@ class PlaneSweepStereo:
         shown = _straightened(share, canvas) if canvas.camera.is_distorted else share
         return np.asarray(shown > 255 * FAINTEST)
 
-    def _range(self, image: Image) -> tuple[float, float]:
+    @remembered()
+    def _range(self, frame: int) -> tuple[float, float]:
         """Least and largest inverse depth that anything in a frame may have."""
-        return self._ranges.get(image.frame, lambda: self._found_range(image))
-
-    def _found_range(self, image: Image) -> tuple[float, float]:
-        """The range that `_range` remembers."""
+        image, _ = self._rec.image_at(frame)
         local, ahead = seen_by(image, self._rec, np.arange(len(self._rec.points), dtype=np.int32))
         camera = self._rec.intrinsics(image)
         xy = camera.project(local)
@@ -270,8 +256,8 @@ class PlaneSweepStereo:
         levels = np.linspace(low, PROBE_REACH * high, PROBE_LEVELS)
         views = [self._view(image, own, one, (low + high) / 2).shrunk(PROBE_ZOOM) for one in near]
         small = small_picture(own, PROBE_ZOOM)
-        none = Features.none(small.shape)
-        level, confidence = matched_levels(small, views, levels, none, self._matcher)
+        unknown = np.full(small.shape[:2], np.nan, np.float32)
+        level, confidence = matched_levels(small, views, levels, unknown, self._matcher)
         nearer = low + (levels[1] - levels[0]) * level[confidence > 0.5]
         if np.count_nonzero(nearer > high) < PROBE_SHARE * level.size:
             return high
@@ -281,26 +267,27 @@ class PlaneSweepStereo:
         self, image: Image, span: tuple[float, float], shares: tuple[float, ...]
     ) -> list[Neighbour]:
         """The source views in which a span of inverse depths moves apart by shares of the widest parallax."""
-        pinhole = self._canvas(image).pinhole
-
-        def found() -> list[tuple[Image, float]]:
-            others = [(each, self._canvas(each).pinhole) for each in self._rec.images if each is not image]
-            return parallaxes(image, pinhole, others, span)
-
+        pinhole = self.canvas(image).pinhole
         wanted = [share * WIDEST_PARALLAX * max(pinhole.width, pinhole.height) for share in shares]
-        possible = self._parallaxes.get((image.frame, span), found)
-        return select_source_views(image, possible, wanted, self._rec.is_ordered)
+        return select_source_views(image, self._parallaxes(image.frame, span), wanted, self._rec.is_ordered)
+
+    @remembered()
+    def _parallaxes(self, frame: int, span: tuple[float, float]) -> list[tuple[Image, float]]:
+        """The possible source views of a frame, as of `parallaxes`."""
+        image, _ = self._rec.image_at(frame)
+        others = [(each, self.canvas(each).pinhole) for each in self._rec.images if each is not image]
+        return parallaxes(image, self.canvas(image).pinhole, others, span)
 
     def _falloff(
         self, image: Image, own: Bytes, near: Sequence[Neighbour], features: FrameFeatures
     ) -> LightFalloff | None:
         """The lens's loss of light towards the corners, by the features (n,) of a frame (h, w, 4)."""
-        seen = [(own, self._canvas(image).pinhole, features.observed)]
+        seen = [(own, self.canvas(image).pinhole, features.observed)]
         for other in (one.image for one in near):
             local, ahead = seen_by(other, self._rec, features.points)
-            pinhole = self._canvas(other).pinhole
+            pinhole = self.canvas(other).pinhole
             places = np.where(ahead[:, None], pinhole.project(local), np.nan)
-            seen.append((self._picture(other), pinhole, places))
+            seen.append((self._picture(other.frame), pinhole, places))
         return light_falloff(seen)
 
     def _view(
@@ -308,13 +295,13 @@ class PlaneSweepStereo:
     ) -> View:
         """A source view with its homographies, as bright as the frame (h, w, 4) at an inverse depth."""
         rotation, translation = relative_pose(image, near.image)
-        here, there = (pixel_matrix(self._canvas(i).pinhole) for i in (image, near.image))
+        here, there = (pixel_matrix(self.canvas(i).pinhole) for i in (image, near.image))
         back = np.linalg.inv(here)
         # The planes that are swept face the frame: their normal is its viewing direction.
         parallax = np.outer(translation, [0.0, 0.0, 1.0])
-        picture = self._picture(near.image)
+        picture = self._picture(near.image.frame)
         if falloff is not None:
-            picture = falloff.even(picture, self._canvas(near.image).pinhole)
+            picture = falloff.even(picture, self.canvas(near.image).pinhole)
         view = View(picture, there @ rotation @ back, there @ parallax @ back, near.side)
         return view.exposed_as(own, middle)
 

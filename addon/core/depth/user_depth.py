@@ -134,15 +134,11 @@ class UserDepth(DepthSource):
         """Return a regular grid of samples, `COLUMNS` across the picture; None without a map."""
         if frame not in self.maps.numbers:
             return None
-        step = self.maps.footage.width / COLUMNS
-        xy, inverse_depth = grid_features(self._fitted(frame), step)
-        at = canvas.features_from_source(xy * self._zoom(canvas))
-        return DepthSamples(frame, at, inverse_depth, frame not in self.reconstruction.frames)
-
-    def _zoom(self, canvas: Canvas) -> Floats:
-        """(2,) pixels of the rendered frame a pixel of the clip, across and down."""
         clip = self.maps.footage
-        return np.array([canvas.camera.width / clip.width, canvas.camera.height / clip.height])
+        xy, inverse_depth = grid_features(self._fitted(frame), clip.width / COLUMNS)
+        zoom = np.array([canvas.camera.width / clip.width, canvas.camera.height / clip.height])
+        at = canvas.features_from_source(xy * zoom)
+        return DepthSamples(frame, at, inverse_depth, frame not in self.reconstruction.frames)
 
     def _fitted(self, frame: int) -> Floats:
         """Return (H, W) the fitted map of a frame."""

@@ -108,11 +108,6 @@ class Footage:
         return self.stored if self.files else first_frame(self.path, 1.0)[:2]
 
     @property
-    def is_depth(self) -> bool:
-        """Return whether its pictures are depth maps."""
-        return self.beside == DEPTH_MAP
-
-    @property
     def is_video(self) -> bool:
         """Return whether it is one file, rather than a picture for each frame."""
         return not self.files
@@ -217,7 +212,7 @@ class Footage:
         return picture if self.fixed is None else self.fixed.without(picture)
 
     def _picture(self, file: Path) -> Pixels:
-        found = open_picture(file, self.is_depth, self.pixel_aspect)
+        found = open_picture(file, self.beside == DEPTH_MAP, self.pixel_aspect)
         if self.beside:
             return found.pixels
         if not same_colours(found.tags.colour, self.tags.colour):
