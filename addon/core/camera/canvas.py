@@ -176,24 +176,16 @@ def _border(width: int, height: int) -> Floats:
 
 
 def _resampled(picture: LinearRGBA, places: SmoothPlaces, height: int) -> LinearRGBA:
-    """A picture (H, W, 4) or (H, W) at `places` of `height` rows."""
-    edges = [*range(0, height, CHUNK), height]
-    return np.concatenate([_sample(picture, places.rows(*rows)) for rows in itertools.pairwise(edges)])
-
-
-def _sample(picture: LinearRGBA, xy: Floats) -> LinearRGBA:
-    """A picture (H, W, 4) or (H, W) at pixels (h, w, 2), mirrored past its border."""
-    # OpenCV counts from the centre of the first pixel, COLMAP from its corner. Lanczos keeps the
-    # sharpness that two bilinear passes would lose; its overshoot below black is cut.
-    at = (xy - 0.5).astype(np.float32)
-    sampled = cv2.remap(
-        picture,
-        at,
-        None,
-        cv2.INTER_LANCZOS4,
-        borderMode=cv2.BORDER_REFLECT,  # type: ignore[call-overload]
-    )
-    return np.asarray(np.maximum(sampled, 0), dtype=np.float32)
+    """A picture (H, W, 4) or (H, W) at `places` of `height` rows, mirrored past its border."""
+    found = []
+    for first, last in itertools.pairwise([*range(0, height, CHUNK), height]):
+        # OpenCV counts from the centre of the first pixel, COLMAP from its corner. Lanczos keeps the
+        # sharpness that two bilinear passes would lose; its overshoot below black is cut.
+        at = (places.rows(first, last) - 0.5).astype(np.float32)
+        how = cv2.INTER_LANCZOS4
+        sampled = cv2.remap(picture, at, None, how, borderMode=cv2.BORDER_REFLECT)  # type: ignore[call-overload]
+        found.append(np.asarray(np.maximum(sampled, 0), dtype=np.float32))
+    return np.concatenate(found)
 
 
 class SmoothPlaces:

@@ -72,7 +72,7 @@ def pattern_numbers(path: Path) -> dict[Path, int]:
         expression += re.escape(path.name[end:])
         if found := {each: match for each in names if (match := re.fullmatch(expression, each.name))}:
             rows = [list(map(int, match.groups())) for match in found.values()]
-            return dict(zip(found, _column(rows, _counter(rows)), strict=True))
+            return dict(zip(found, _counts(rows), strict=True))
     return {}
 
 
@@ -85,7 +85,7 @@ def name_numbers(names: Sequence[str]) -> list[int] | None:
     rows = [list(map(int, _DIGITS.findall(PurePosixPath(name).stem))) for name in names]
     if not all(rows):
         return None
-    return _column(rows, _counter(rows))
+    return _counts(rows)
 
 
 def pattern_of(path: Path) -> Path | None:
@@ -145,5 +145,6 @@ def _counter(rows: list[list[int]]) -> int:
     return max(shared, key=lambda place: (len(values[place]), max(values[place]) <= LAST_FRAME, -place))
 
 
-def _column(rows: list[list[int]], place: int) -> list[int]:
+def _counts(rows: list[list[int]]) -> list[int]:
+    place = _counter(rows)
     return [row[-place] for row in rows]

@@ -135,7 +135,7 @@ class VideoReader:
             checkpoint()
             self._last += 1
             if self._last <= frame and found.pts == info.times[self._last - 1]:
-                self._passed.get(self._last, partial(_itself, found))
+                self._passed.get(self._last, partial(lambda frame: frame, found))
             if info.is_timed and found.pts is not None:
                 if found.pts > wanted:
                     return None
@@ -145,10 +145,6 @@ class VideoReader:
             if self._last == frame:
                 return found
         return None
-
-
-def _itself(frame: VideoFrame) -> VideoFrame:
-    return frame
 
 
 def _bytes(frame: VideoFrame) -> int:

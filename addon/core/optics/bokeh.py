@@ -47,7 +47,10 @@ def bokeh_picture(aperture: Aperture, size: int) -> LinearRGB:
     # At infinity the discs of colours that focus farther away are smaller, and brighter.
     discs = {1.0: [0, 1, 2]} | ({1 - aperture.axial_colour: RED_AND_BLUE} if aperture.axial_colour else {})
     for scale, channels in discs.items():
-        light = _bent(aperture, cells, scale, (0.0, 0.0)) if is_bent else _even(aperture, cells, scale)
+        if is_bent:
+            light = _bent(aperture, cells, scale, (0.0, 0.0))
+        else:
+            light = aperture.raster(cells, scale)[0] / scale**2
         white = max(white, float(np.percentile(light[light > 0], BRIGHTEST)))
         at = ((np.arange(cells) + 0.5) * 2 / cells - 1) / scale
         x, y = np.meshgrid(at, at)
@@ -60,11 +63,6 @@ def bokeh_picture(aperture: Aperture, size: int) -> LinearRGB:
                     disc = light * _passed(aperture, x, y, (across, down), 1 / cells)
                 picture[top : top + cells, left : left + cells, channels] = disc[..., None]
     return np.asarray(np.minimum(picture / white, 1), np.float32)
-
-
-def _even(aperture: Aperture, cells: int, scale: float) -> Floats:
-    """Return the light (cells, cells) of a disc, whose radius is `scale` halves of the square."""
-    return aperture.raster(cells, scale)[0] / scale**2
 
 
 def _bent(aperture: Aperture, cells: int, scale: float, h: tuple[float, float]) -> Floats:

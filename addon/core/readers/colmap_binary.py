@@ -40,7 +40,8 @@ class Cursor:
 
     def take(self, layout: struct.Struct, what: str) -> tuple[int | float, ...]:
         """Read the next values; raises UserError at the end of the file."""
-        self.need(layout.size, what)
+        if len(self.data) - self.at < layout.size:
+            raise wrong(self.place(), f"{what}, but the file ends")
         values = layout.unpack_from(self.data, self.at)
         self.at += layout.size
         return values
@@ -53,11 +54,6 @@ class Cursor:
         if number * least > left:
             raise wrong(place, f"at most {left // least} {what} in the {left} bytes left, not {number}")
         return number
-
-    def need(self, size: int, what: str) -> None:
-        """Raise UserError if fewer than `size` bytes are left."""
-        if len(self.data) - self.at < size:
-            raise wrong(self.place(), f"{what}, but the file ends")
 
     def finish(self) -> None:
         if self.at != len(self.data):

@@ -72,7 +72,9 @@ def assemble(tables: Tables) -> tuple[Reconstruction, tuple[str, ...]]:
         if not held:
             raise UserError(f"{path} has no {path.stem}; export the model again, or take one that has")
     table = tables.points
-    _check_points(table)
+    usable = _usable(table.points.xyz).all(axis=1) & _usable(table.points.error)
+    if not usable.all():
+        raise wrong(table.place(int(np.argmin(usable))), f"a point of numbers up to {LARGEST:g}")
     order = np.argsort(table.keys, kind="stable")
     keys = table.keys[order]
     twice = np.flatnonzero(keys[1:] == keys[:-1])
@@ -92,12 +94,6 @@ def assemble(tables: Tables) -> tuple[Reconstruction, tuple[str, ...]]:
         images.append(Image(frame, _rotation(row), row.translation, xy, points, index[row.camera]))
     lenses = tuple(tables.cameras[key] for key in cameras)
     return Reconstruction(lenses, tuple(images), table.points), tuple(row.name for row in rows)
-
-
-def _check_points(table: PointTable) -> None:
-    usable = _usable(table.points.xyz).all(axis=1) & _usable(table.points.error)
-    if not usable.all():
-        raise wrong(table.place(int(np.argmin(usable))), f"a point of numbers up to {LARGEST:g}")
 
 
 def _usable(values: Floats) -> NDArray[np.bool_]:

@@ -119,7 +119,8 @@ def _largest_model(text: Text) -> tuple[_Model, list[str]]:
         if best is None or len(cameras) > len(best.cameras):
             best = _model(text, names, cameras, points)
         else:
-            text.skip(points)
+            for number in range(points):
+                text.demand(f"{points - number} more points")
     if best is None:
         raise text.ends("the number of cameras") if row is None else text.wrong("at least one camera")
     others = len(sizes) - 1

@@ -77,10 +77,6 @@ class Text:
         self._data = plain(data)
         self._at = 0
 
-    @property
-    def left(self) -> int:
-        return max(len(self._data) - self._at, 0)
-
     def next(self) -> str | None:
         """Return the next line that is not blank, stripped; None at the end."""
         while self._at < len(self._data):
@@ -107,12 +103,6 @@ class Text:
     def back(self) -> None:
         self._at = self._data.rfind(b"\n", 0, self._at - 1) + 1
         self.line -= 1
-
-    def skip(self, lines: int) -> None:
-        """Skip lines that are not blank; raises UserError if there are too few."""
-        for number in range(lines):
-            if self.next() is None:
-                raise self.ends(f"{lines - number} more points")
 
     def numbers(self, lines: int | None = None) -> Numbers:
         """Read the numbers on the next `lines` lines that are not blank, or on all."""
@@ -152,8 +142,9 @@ class Text:
         """Parse a count on the last line read, of items that take at least `bytes_each` bytes."""
         if not re.fullmatch(r"\d{1,18}", word, re.ASCII):
             raise self.wrong(f"the number of {what}, not {word[:40]!r}")
-        if int(word) * bytes_each > self.left + 1:
-            missing = f"{int(word)} do not fit into the {self.left} bytes left, export it again"
+        left = max(len(self._data) - self._at, 0)
+        if int(word) * bytes_each > left + 1:
+            missing = f"{int(word)} do not fit into the {left} bytes left, export it again"
             raise self.wrong(f"the number of {what}; {missing}")
         return int(word)
 
