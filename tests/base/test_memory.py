@@ -34,14 +34,18 @@ def group(folder: Path, limit: object, used: int, cached: int) -> None:
     (folder / "memory.stat").write_text(f"anon 5\ninactive_file {cached - 1000}\nactive_file 1000\n")
 
 
-def test_the_narrowest_group_counts_and_caches_are_dropped(proc: Path, tmp_path: Path) -> None:
+def test_the_narrowest_group_counts_and_caches_are_dropped(
+    proc: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     groups = tmp_path / "groups"
-    assert memory.free(proc, groups) == 8 * GB
+    monkeypatch.setattr(memory, "PROC", proc)
+    monkeypatch.setattr(memory, "GROUPS", groups)
+    assert memory.free() == 8 * GB
     group(groups / "job" / "render", "max", GB, 2000)
-    assert memory.free(proc, groups) == 8 * GB
+    assert memory.free() == 8 * GB
     group(groups / "job", 4 * GB, 2 * GB, GB)
     group(groups, 9 * GB, 2 * GB, 2000)
-    assert memory.free(proc, groups) == 3 * GB
+    assert memory.free() == 3 * GB
 
 
 def limited(code: str, left: int) -> str:

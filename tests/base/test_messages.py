@@ -46,9 +46,9 @@ def test_a_message_is_one_line_that_is_read_as_it_was(message: Message) -> None:
 
 @pytest.mark.parametrize(
     "line",
-    ["", "frame 3: 1 of 2, 0.5 s", "3", "null", "[]", "{}", '{"message": "other"}', '{"message": "warning"}',
-     '{"message": []}', '{"message": "result", "more": 1}',
-     '{"message": "error", "text": "a", "code": 1, "remedies": ["none"]}', "[" * 100_000],
+    ["", "frame 3: 1 of 2, 0.5 s", "3", "null", "[]", "{}", '{"message": "other"}', '{"message": "Warned"}',
+     '{"message": []}', '{"message": "Result", "more": 1}',
+     '{"message": "Failure", "text": "a", "code": 1, "remedies": ["none"]}', "[" * 100_000],
 )  # fmt: skip
 def test_what_is_no_message_is_none(line: str) -> None:
     assert decode(line) is None

@@ -12,6 +12,7 @@ from .errors import UserError
 
 MB = 2**20
 PROC, GROUPS = Path("/proc"), Path("/sys/fs/cgroup")
+"""Linux's folders of processes, and of control groups, which limit containers."""
 KEPT = ((-3, 2**25), (-3, 2**30), (-1, -1))
 """Options of glibc's `mallopt` and their values in bytes: M_MMAP_THRESHOLD, which some versions limit to the
 first, and M_TRIM_THRESHOLD, which is off."""
@@ -50,23 +51,19 @@ def shortage(what: str) -> UserError:
     )
 
 
-def free(proc: Path = PROC, groups: Path = GROUPS) -> int:
+def free() -> int:
     """Measure the memory that new processes can use, in bytes.
 
     It is the free memory of the machine or of its container, the smaller one; on systems that do not report
     it, half of all memory.
-
-    Args:
-        proc: Linux's folder of processes.
-        groups: Linux's folder of control groups, which limit containers.
     """
-    return min([_machine_free(proc), *_container_free(proc, groups)])
+    return min([_machine_free(), *_container_free()])
 
 
-def _machine_free(proc: Path) -> int:
+def _machine_free() -> int:
     if sys.platform == "linux":
         with contextlib.suppress(OSError, ValueError):
-            return 1024 * _number(proc / "meminfo", "MemAvailable:")
+            return 1024 * _number(PROC / "meminfo", "MemAvailable:")
     if sys.platform == "win32":
         status = (ctypes.c_uint64 * 8)()
         # MEMORYSTATUSEX: its size in 32 bits, then the load, total and free memory.
@@ -77,14 +74,14 @@ def _machine_free(proc: Path) -> int:
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
 
 
-def _container_free(proc: Path, groups: Path) -> Iterator[int]:
+def _container_free() -> Iterator[int]:
     """Yield the bytes left to this process's control group (version 2) and to each around it."""
     try:
-        path = (proc / "self" / "cgroup").read_text().partition("0::")[2].strip()
+        path = (PROC / "self" / "cgroup").read_text().partition("0::")[2].strip()
     except OSError:
         return
     # Within a container its own group is the top of the mount.
-    own = groups / path.lstrip("/")
+    own = GROUPS / path.lstrip("/")
     for folder in (own, *own.parents):
         with contextlib.suppress(OSError, ValueError):  # no such group, or "max"
             limit, used = (int((folder / name).read_text()) for name in ("memory.max", "memory.current"))

@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, get_args
 
 from .errors import Remedy, UserError
 from .parcel import Named, no_name, unpack
@@ -89,16 +89,12 @@ class Cancel:
 
 
 Message = Progress | Warned | Result | Failure | Parcel | Cancel
-_KINDS: dict[str, type[Message]] = {
-    "progress": Progress, "warning": Warned, "result": Result, "error": Failure,
-    "parcel": Parcel, "cancel": Cancel,
-}  # fmt: skip
-_NAMES = {kind: name for name, kind in _KINDS.items()}
+_KINDS: dict[str, type[Message]] = {kind.__name__: kind for kind in get_args(Message)}
 
 
 def encode(message: Message) -> str:
     """Convert a message to a line of JSON, without the end of line."""
-    return json.dumps({"message": _NAMES[type(message)], **asdict(message)})
+    return json.dumps({"message": type(message).__name__, **asdict(message)})
 
 
 def decode(line: str) -> Message | None:

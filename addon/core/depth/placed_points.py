@@ -119,14 +119,10 @@ def _near(
 
 def _hold_depth(maps: DepthMaps, frames: list[int]) -> bool:
     """Return whether maps hold depth: whether depth is linear over the picture more often."""
-    maps_of = [_positive(maps, each) for each in frames]
-    bent = np.array([[_bend(values), _bend(1 / values)] for values in maps_of])
+    every = [maps.read(each).values for each in frames]
+    known = [np.where(values > 0, values, np.nan) for values in every]
+    bent = np.array([[_bend(values), _bend(1 / values)] for values in known])
     return bool(np.median(bent[:, 1]) <= np.median(bent[:, 0]))
-
-
-def _positive(maps: DepthMaps, frame: int) -> Floats:
-    values = maps.read(frame).values
-    return np.where(values > 0, values, np.nan)
 
 
 def _bend(values: Floats) -> float:

@@ -118,18 +118,13 @@ class ThinLens:
         """Return inverse depths (H + 2 m, W + 2 m) of a picture and m pixels around it, `rectified`."""
         if self._is_flat:
             return self._zoned(inverse_depth)
-        across, down = self._raster_axes(inverse_depth.shape)
-        return self._zoned(inverse_depth - self._tilt(across, down[:, None]))
+        return self.rectified(inverse_depth, self.raster_places(inverse_depth.shape))
 
     def raster_places(self, shape: tuple[int, ...]) -> Floats:
         """Return the pixels (h, w, 2) of a raster of a shape (h, w) with the picture in its middle."""
-        return np.dstack(np.meshgrid(*self._raster_axes(shape)))
-
-    def _raster_axes(self, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
-        """Columns (w,) and rows (h,) of `raster_places`."""
         rows, columns = shape
         top, left = (rows - self.pinhole.height) // 2, (columns - self.pinhole.width) // 2
-        return np.asarray(np.arange(columns) + 0.5 - left), np.asarray(np.arange(rows) + 0.5 - top)
+        return np.dstack(np.meshgrid(np.arange(columns) + 0.5 - left, np.arange(rows) + 0.5 - top))
 
     @property
     def axis(self) -> float:
