@@ -22,8 +22,7 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.readers import READERS
-from addon.core.readers.imported_model import Imported
-from addon.core.readers.matching import match
+from addon.core.readers.matching import Imported, match
 
 from .. import foreign_models as foreign
 from .small_models import CLIP, models

@@ -14,8 +14,7 @@ from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.media.clip import Footage, open_footage
 from addon.core.readers import bundler, nvm, read_reconstruction, voodoo
 from addon.core.readers.building import undistorting
-from addon.core.readers.imported_model import Imported
-from addon.core.readers.matching import ONLY_TURNS, match
+from addon.core.readers.matching import ONLY_TURNS, Imported, match
 
 from .. import foreign_models as foreign
 from ..foreign_models import LENS, NAMES, SIZE, world

@@ -11,8 +11,7 @@ from ..media.clip import Footage
 from ..media.picture_file import ARRAY, ARRAYS, PICTURES
 from ..media.sequence import clip_files, is_litter
 from . import bundler, camera_arrays, colmap, nvm, record3d, stray, transforms, voodoo
-from .imported_model import Imported
-from .matching import match
+from .matching import Imported, match
 from .parsing import wrong
 
 

@@ -15,7 +15,7 @@ from ..base.counting import counted
 from ..base.errors import UserError
 from ..camera.reconstruction import Image, Intrinsics
 from .building import assemble, check_size, observations_of, picture_size, rotation_from
-from .imported_model import Imported
+from .matching import Imported
 from .parsing import Numbers, Text, beginning
 from .poses import OPENGL
 

@@ -26,7 +26,7 @@ from ..base.npz import array_shapes, read_arrays
 from ..base.regular_file import read_regular
 from ..camera.reconstruction import Intrinsics, Reconstruction
 from ..media.sequence import is_litter
-from .imported_model import Imported
+from .matching import Imported
 from .parsing import wrong
 from .poses import OPENCV, cameras, finite, lens
 

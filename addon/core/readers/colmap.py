@@ -9,7 +9,7 @@ from pathlib import Path
 from ..base.errors import UserError
 from . import colmap_binary, colmap_text
 from .colmap_tables import assemble
-from .imported_model import Imported
+from .matching import Imported
 
 FORMAT = "COLMAP"
 KINDS = {".bin": ("COLMAP binary", colmap_binary), ".txt": ("COLMAP text", colmap_text)}

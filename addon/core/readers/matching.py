@@ -16,8 +16,6 @@ from ..base.counting import common_step, counted, ordinal
 from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
 from ..media.clip import Footage, describe
-from . import bundler
-from .imported_model import Imported as Imported
 
 SAME_ASPECT = 0.01
 """Largest relative difference of the aspect ratios of clip and model, due to whole pixels."""
@@ -26,6 +24,30 @@ NO_PATH = 1e-4
 ONLY_TURNS = "the camera only turns: all cameras are at one place, so the points have no depth of their own"
 SHOWN = 5
 """Names of images in an error."""
+
+
+@dataclass(frozen=True)
+class Imported:
+    """An imported model in our conventions, not normalised."""
+
+    reconstruction: Reconstruction
+    """`Image.frame` is an index into `names`; once matched, the clip's frame number, in order."""
+    format: str
+    """Displayed name: "COLMAP binary", "Bundler v0.3"."""
+    notes: tuple[str, ...] = ()
+    """Remarks for the user on skipped, assumed or invalid content, one sentence each."""
+    names: tuple[str, ...] = ()
+    """Names of all images in the file's order, registered or not, until they are matched; empty strings if it
+    has none."""
+    projected: bool = False
+    """True if the file has no feature positions, so that features are the projections of points."""
+    placed: bool = False
+    """True if the world is that of an existing scene, and must not be moved."""
+
+    @property
+    def lacks_points(self) -> bool:
+        """Return whether no point is seen by two frames, as for points computed from depth."""
+        return not np.any(self.reconstruction.views_per_point > 1)
 
 
 @dataclass
@@ -111,10 +133,9 @@ def _no_match(model: Imported, footage: Footage) -> UserError:
     every = if_every(count, footage.frames)
     remedies = (Remedy.STEP,) if every else ()
     if not any(model.names):
-        listed = ", or put list.txt beside the model" if model.format == bundler.FORMAT else ""
         return UserError(
             f"the {model.format} model has {counted(count, 'camera')} without names, and {clip}: their"
-            f" pictures are unknown; give the footage that was solved{listed}{every}",
+            f" pictures are unknown; give the footage that was solved{every}",
             *remedies,
         )
     if footage.files:

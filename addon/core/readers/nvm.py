@@ -16,7 +16,7 @@ from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..camera.reconstruction import Image, Intrinsics, matrix_from_quaternion
 from .building import ACCURATE, assemble, check_size, observations_of, picture_size, undistorting
-from .imported_model import Imported
+from .matching import Imported
 from .parsing import Numbers, Text, beginning
 
 FORMAT = "VisualSFM NVM"

@@ -21,7 +21,7 @@ from ..base.counting import counted
 from ..base.errors import UserError
 from ..base.regular_file import open_regular
 from ..media.sequence import is_litter
-from .imported_model import Imported
+from .matching import Imported
 from .parsing import wrong
 from .poses import DIGITS, OPENGL, cameras, finite, lens, to_world
 

@@ -18,7 +18,7 @@ from ..base.atomic import staged_folder
 from ..base.errors import UserError
 from ..base.numbers import LARGEST, reals
 from ..base.regular_file import is_regular, read_regular
-from .imported_model import Imported
+from .matching import Imported
 from .parsing import wrong
 from .poses import DIGITS, OPENCV, cameras, finite, lens, to_world
 

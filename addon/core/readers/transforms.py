@@ -16,7 +16,7 @@ import numpy as np
 from ..base.errors import UserError
 from ..base.regular_file import open_regular, read_regular
 from ..camera.reconstruction import Intrinsics
-from .imported_model import Imported
+from .matching import Imported
 from .parsing import wrong
 from .poses import OPENGL, cameras, finite, lens
 

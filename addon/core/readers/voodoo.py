@@ -17,7 +17,7 @@ from ..base.arrays import Floats
 from ..camera.intrinsics import MAX_SIDE
 from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from .building import ACCURATE, rotation_from, undistorting
-from .imported_model import Imported
+from .matching import Imported
 from .parsing import Text, beginning
 from .poses import lens
 
