@@ -154,7 +154,7 @@ class _Path:
         return high
 
     def _is_shown(self, number: int, turn: Floats, move: Floats, zoom: float) -> bool:
-        """Whether the frames of a camera cover the whole border of the zoomed views (n) of steadier ones."""
+        """Return whether the frames of a camera cover the border of the zoomed views (n) of steadier ones."""
         camera, own, readout = self._rec.cameras[number], self._camera == number, self._rec.readout
         size = np.array([camera.width, camera.height])
         along = np.linspace(0, 1, ALONG)
