@@ -17,18 +17,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from addon.core.base.arrays import Floats, LinearRGBA
-    from addon.core.frame.plan import FramePlan
+    from addon.core.frame.views import Views
+    from addon.core.warp.layer import Layer
 
 SENSOR = 36.0
 SCRIPT_MARK = "virtual-aperture-views"
 
 
-def mean_of_views(plan: FramePlan, picture: LinearRGBA) -> LinearRGBA:
+def mean_of_views(views: Views, layers: Sequence[Layer]) -> LinearRGBA:
     """As `gpu_views.mean_of_views`, drawn by Cycles in a child process; RuntimeError where that fails."""
     with tempfile.TemporaryDirectory() as path:
         folder = Path(path)
-        _write_job(folder, plan, picture)
+        _write_job(folder, views, layers)
         command = [*_blender(), __file__, "--", SCRIPT_MARK, str(folder)]
         child = subprocess.run(command, capture_output=True, text=True, check=False)
         if not (folder / "mean.npy").exists():
@@ -52,24 +55,25 @@ def _blender() -> list[str]:
     return [sys.executable]
 
 
-def _write_job(folder: Path, plan: FramePlan, picture: LinearRGBA) -> None:
+def _write_job(folder: Path, views: Views, layers: Sequence[Layer]) -> None:
     from addon.core.frame.vignetting import barrel_rows, view_shares
+    from addon.core.warp.layer import atlas, joined
 
-    pinhole, mesh = plan.canvas.pinhole, plan.mesh
-    np.save(folder / "picture.npy", picture)
+    pinhole, mesh = views.canvas.pinhole, joined(layers)
+    np.save(folder / "picture.npy", atlas(layers))
     # Corners pinned to themselves lie infinitely far away, which float32 rays do not reach: a hundredth of a
     # pixel of displacement is near enough.
     # Nor do they reach as far in any unit: depths are told in that of the nearest one.
     unit = float(mesh.inverse_depth.max(initial=0.0)) or 1.0
-    offsets = unit * plan.offsets
+    offsets = unit * views.offsets
     reach = float(np.abs(offsets).max()) * max(pinhole.fx, pinhole.fy)
     inverse = np.maximum(mesh.inverse_depth / unit, 1e-2 / reach if reach > 0 else 1.0)
     np.savez(
         folder / "job.npz",
         size=[pinhole.width, pinhole.height], focal=pinhole.focal, principal_point=pinhole.principal_point,
         xy=mesh.xy, texture_xy=mesh.texture_xy, inverse_depth=inverse, triangles=mesh.triangles,
-        offsets=offsets, registration=plan.registration, shares=view_shares(plan),
-        barrels=barrel_rows(plan),
+        offsets=offsets, registration=views.registration, shares=view_shares(views),
+        barrels=barrel_rows(views),
     )  # fmt: skip
 
 

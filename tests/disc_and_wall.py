@@ -7,16 +7,22 @@ from numpy.typing import NDArray
 
 from addon.core.base.arrays import Floats, LinearRGB, LinearRGBA, Map, Mask
 from addon.core.camera.canvas import Canvas
-from addon.core.camera.reconstruction import Intrinsics
+from addon.core.camera.reconstruction import Intrinsics, Points, Reconstruction
 from addon.core.depth.source import PixelDepth
-from addon.core.frame.plan import FramePlan
-from addon.core.frame.warped_frame import WarpedFrame
-from addon.core.optics.aperture_sampling import exact_registration, vogel_disc
+from addon.core.depth.sparse import DepthSamples
+from addon.core.focus.focus import Focus
+from addon.core.frame.clip_context import ClipContext, no_picture
+from addon.core.frame.frame import Frame
+from addon.core.frame.meshers import MESHERS
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.views import Views
+from addon.core.optics.aperture import ApertureSamples
+from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.disocclusion_fill import HiddenColours
-from addon.core.warp.layered_depth_image import Fill, LayeredDepthImage
+from addon.core.warp.layer import Layer
+from addon.core.warp.layered_depth_image import Fill
 from addon.core.warp.layered_mesh import LARGEST_TEXTURE, layer_mesh
-from addon.core.warp.mesh import WarpMesh
 from addon.core.warp.quadtree import Surfaces
 
 SIZE = (120, 160)
@@ -80,7 +86,7 @@ def make_mesh(
     fill: Fill | None = None,
     largest_texture: int = LARGEST_TEXTURE,
     past_border: Floats | None = None,
-) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
+) -> tuple[Layer, ...]:
     """`layer_mesh` of a picture whose disparities (H, W) at the rim of the aperture are known, and that of
     what is in focus, in pixels; over `scale` they are inverse depths."""
     height, width = disparity.shape
@@ -118,12 +124,16 @@ def disc_and_wall(
     shift: Floats = SHIFT,
     fill: Fill | None = None,
     largest_texture: int = LARGEST_TEXTURE,
-) -> WarpedFrame:
+) -> Frame:
     """The scene of the layers' tests, ready to be drawn."""
-    mesh, painted, layers = make_mesh(scene(), shift, focus, LENS.fx, fill, largest_texture)
-    offsets, canvas = RADIUS * vogel_disc(24), Canvas(LENS)
-    registration = exact_registration(canvas, offsets, focus / LENS.fx)
-    thin = ThinLens(LENS, RADIUS, focus / LENS.fx)
-    plan = FramePlan(1, canvas, thin, mesh, offsets, registration, False)
+    layers = make_mesh(scene(), shift, focus, LENS.fx, fill, largest_texture)
+    canvas, thin, none = Canvas(LENS), ThinLens(LENS, RADIUS, focus / LENS.fx), np.zeros((0, 2))
+    views = Views(canvas, thin).placed(ApertureSamples(vogel_disc(24)))
     sure = np.where(X < 80, 1, 0).astype(np.float32)
-    return WarpedFrame(plan, painted, "layers", "", True, PixelDepth(shift / LENS.fx, sure), layers)
+    nothing = Reconstruction((LENS,), (), Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0)))
+    samples = DepthSamples(1, none, np.zeros(0), False)
+    return Frame(
+        1, ClipContext(nothing, no_picture), FrameOptions(Focus(), RADIUS), MESHERS["layers"], canvas,
+        scene(), scene(), scene(), thin, samples, views, depth=PixelDepth(shift / LENS.fx, sure),
+        layers=layers,
+    )  # fmt: skip

@@ -14,9 +14,12 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.depth.source import SparseDepth
 from addon.core.depth.user_depth import UserDepth
 from addon.core.frame.clip_context import ClipContext, no_picture
+from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
-from addon.core.frame.plan import FrameOptions, FramePlan
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.views import Views
 from addon.core.media.clip import open_footage
+from addon.core.warp.layer import Layer
 
 if TYPE_CHECKING:
     from addon.scene.sources.shot import Shot
@@ -113,10 +116,16 @@ def planned(
     size: tuple[int, int],
     depth: UserDepth | None = None,
     picture: LinearRGBA | None = None,
-) -> FramePlan:
-    """The plan of a frame of which only the features, or the user's maps, tell depth; `picture` (H, W, 4)."""
+) -> Frame:
+    """A frame with its views, whose depth is that of features or the user's maps; `picture` (H, W, 4)."""
     if settings.method == "layers":
         settings = replace(settings, method="features")
     blank = np.zeros((size[1], size[0], 4), np.float32)
     clip = ClipContext(reconstruction, no_picture, depth or SparseDepth(reconstruction))
-    return mesh_frame(clip, frame, settings, size, blank if picture is None else picture).warped.plan
+    return mesh_frame(clip, frame, settings, size, blank if picture is None else picture).through()
+
+
+def painted(frame: Frame, picture: LinearRGBA) -> tuple[Views, tuple[Layer, ...]]:
+    """The views of a frame, and its mesh with another picture (h, w, 4), as they are drawn."""
+    (layer,) = frame.layers
+    return frame.views, (replace(layer, picture=picture),)

@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 ADDON = ROOT / "addon"
 ACTS = {
-    "fill_border": {"core/frame/frame_path.py"},
+    "fill_border": {"core/frame/effects.py"},
 }
 """By example, where else it is read because it acts there: any option has such a place."""
 

@@ -14,16 +14,17 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import NO_PICTURE, DepthSource, PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame import Mesher
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.meshers import MESHERS
-from addon.core.frame.meshers.mesher import Mesher, Surface
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.clip import open_footage
 from addon.core.media.light import to_linear
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.readers import Reader, read_reconstruction
 from addon.core.readers.colmap_export import write_model
+from addon.core.warp.layer import Layer
 from addon.core.warp.mesh import feature_mesh
 
 from .scenes import LENS, slanted_plane, texture, write_frames
@@ -63,11 +64,11 @@ def test_a_reader(tmp_path: Path) -> None:
 
 
 def test_a_mesher(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = after(Mesher, Mesher=Mesher, Surface=Surface, feature_mesh=feature_mesh)["plain"]
+    made = after(Mesher, Mesher=Mesher, Layer=Layer, feature_mesh=feature_mesh)["plain"]
     monkeypatch.setitem(MESHERS, made.name, made)
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(LENS.width, LENS.height))
     options = FrameOptions(Focus(distance=8.0), 0.5, 8, made.name)
-    warped = mesh_frame(
+    frame = mesh_frame(
         clip, 2, options, (LENS.width, LENS.height), to_linear(texture(LENS.width, LENS.height))
-    ).warped
-    assert warped.method == made.name and len(warped.plan.mesh.triangles)
+    )
+    assert frame.mesher is made and len(frame.mesh.triangles)

@@ -16,10 +16,9 @@ from ..core.base.arrays import LinearRGBA, Map
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled, OnProgress, checkpoint, reporting, stage
 from ..core.frame.detail import enlarged_values
-from ..core.frame.frame_path import Drawn
+from ..core.frame.frame import Frame
 from ..core.frame.passes import circle_of_confusion, depth, in_focus
 from ..core.frame.plan import FrameOptions
-from ..core.frame.warped_frame import WarpedFrame
 from ..scene import passes
 from ..scene.base.remedy_words import WORDS
 from ..scene.base.timeline import clip_frame, scene_time
@@ -36,7 +35,7 @@ from .views.average import OnFrame, draw_matte, render_frame
 from .views.frame_size import render_size, shape_problem
 from .views.gpu_views import egl_problem
 
-VALUES: dict[str, Callable[[WarpedFrame], Map]] = {
+VALUES: dict[str, Callable[[Frame], Map]] = {
     passes.DEPTH: depth,
     passes.CIRCLE_OF_CONFUSION: circle_of_confusion,
     passes.IN_FOCUS: in_focus,
@@ -189,15 +188,15 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             shot, frame, lens = lens_of(scene, size)
         pictures: dict[str, LinearRGBA] = {}
 
-        def on_frame(drawn: Drawn) -> None:
+        def on_frame(drawn: Frame) -> None:
             if passes.RANGE_MATTE in names:
-                matte = cv2.resize(draw_matte(drawn.warped, passes.range_of(layer)), size)
+                matte = cv2.resize(draw_matte(drawn, passes.range_of(layer)), size)
                 pictures[passes.RANGE_MATTE] = np.asarray(matte, np.float32)[..., None]
             for name in (each for each in names if each in VALUES):
-                values = enlarged_values(VALUES[name](drawn.warped), drawn.source, drawn.whole)
+                values = enlarged_values(VALUES[name](drawn), drawn.small, drawn.source)
                 pictures[name] = np.asarray(values, np.float32)[..., None]
             if names and passes.CIRCLE_OF_CONFUSION in pictures:
-                pictures[passes.CIRCLE_OF_CONFUSION] *= size[0] / drawn.source.shape[1]
+                pictures[passes.CIRCLE_OF_CONFUSION] *= size[0] / drawn.small.shape[1]
             if self.watch.on_frame is not None:
                 self.watch.on_frame(drawn)
 

@@ -249,15 +249,15 @@ def _sums(clip: ClipContext, size: tuple[int, int], names: list[str], places: Fl
     by_views = replace(lens, highlights=HighlightSettings(gain=0.0), sensor=0.0)
     picture = resized(clip.picture(FRAME, lens.highlights), size)
     warped = mesh_frame(clip, FRAME, by_views, size, picture).through(1, prefiltered=False)
-    plan = warped.plan
-    infinity = plan.lens.radius * plan.canvas.pinhole.fx * plan.lens.axis
-    middle = plan.canvas.pinhole.principal_point
+    views = warped.views
+    infinity = views.lens.radius * views.canvas.pinhole.fx * views.lens.axis
+    middle = views.canvas.pinhole.principal_point
     warps = [_Warp(EFFECTS[name], middle, size, infinity) for name in names]
     for px, py in places:
-        offsets = plan.lens.radius * np.array([[px, py]])
-        registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
-        one = replace(plan, offsets=offsets, registration=registration, weights=None)
-        view = gpu_views.mean_of_views(one, warped.texture)
+        offsets = views.lens.radius * np.array([[px, py]])
+        registration = exact_registration(views.canvas, offsets, views.lens.focus)
+        one = replace(views, offsets=offsets, registration=registration, weights=None)
+        view = gpu_views.mean_of_views(one, warped.layers)
         for warp in warps:
             warp.add(view, float(px), float(py))
     return np.asarray([np.dstack([warp.sum, warp.light]) for warp in warps], np.float32)

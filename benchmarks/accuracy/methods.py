@@ -16,15 +16,19 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Points, Reconstruction
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.frame_path import Drawn, mesh_frame
+from addon.core.frame.frame import Frame
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.highlights import HighlightSettings
-from addon.core.frame.plan import FrameOptions, FramePlan
+from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL, Quality
+from addon.core.frame.views import Views
 from addon.core.frame.vignetting import LEAST_LEFT
-from addon.core.frame.warped_frame import WarpedFrame
-from addon.core.optics.aperture_sampling import exact_registration, vogel_disc
+from addon.core.optics.aperture import ApertureSamples
+from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.thin_lens import ThinLens
+from addon.core.warp.layer import Layer, atlas
 from addon.core.warp.mesh import WarpMesh
+from addon.render.views import gpu_views
 from addon.render.views.average import draw_mean, render_frame
 from addon.render.views.quiet import quiet
 from sample_scenes import cycles_views, staging
@@ -85,12 +89,11 @@ def by_mesher(name: str, case: BenchmarkCase, views: int) -> Answer:
 
 def of_quality(quality: Quality, case: BenchmarkCase, views: int) -> Answer:
     """A preset of the product, as the product renders it."""
-    drawn: list[Drawn] = []
+    drawn: list[Frame] = []
     # The truth, of Cycles, has no noise that a camera records.
     lens = FrameOptions(case.focus, case.radius, views, grain=0.0, quality=quality)
     picture = render_frame(case.clip, case.frame, lens, _size(case), lambda note: None, drawn.append)
-    plan = drawn[0].warped.plan
-    return Answer(picture[..., :3], len(plan.offsets), len(plan.mesh.triangles))
+    return _answer(picture, drawn[0])
 
 
 def known_fill(case: BenchmarkCase, views: int) -> Answer:
@@ -123,26 +126,25 @@ def _colours(
 
 def dense(case: BenchmarkCase, views: int) -> Answer:
     """One connected mesh with a vertex in the middle of every pixel, drawn as our own."""
-    plan = _dense_plan(case, views)
-    return _drawn(WarpedFrame(plan, plan.canvas.from_source(case.picture), "", "", False))
+    plan, mesh = _dense(case, views)
+    mean = gpu_views.mean_of_views(plan, [Layer(mesh, plan.canvas.from_source(case.picture))])
+    return Answer(plan.canvas.to_source(mean)[..., :3], views, len(mesh.triangles))
 
 
 def cycles(case: BenchmarkCase, views: int) -> Answer:
     """Cycles' thin lens on the mesh over the feature points, painted as ours is; `views` are its samples."""
     lens = FrameOptions(case.focus, case.radius, 16, "features")
     seen = case.clip.picture(case.frame, lens.highlights)
-    plan = mesh_frame(case.clip, case.frame, lens, _size(case), seen).warped.plan
-    picture = plan.canvas.from_source(seen)
-    return Answer(thin_lens(plan, picture, views), views, len(plan.mesh.triangles))
+    frame = mesh_frame(case.clip, case.frame, lens, _size(case), seen)
+    return Answer(thin_lens(frame, views), views, len(frame.mesh.triangles))
 
 
 def cycles_layers(case: BenchmarkCase, views: int) -> Answer:
     """Cycles' thin lens on our layered mesh; `views` are its samples."""
     lens = FrameOptions(case.focus, case.radius)
     seen = case.clip.picture(case.frame, lens.highlights)
-    warped = mesh_frame(case.clip, case.frame, lens, _size(case), seen).through(1, prefiltered=False)
-    plan = warped.plan
-    return Answer(thin_lens(plan, warped.texture, views), views, len(plan.mesh.triangles))
+    frame = mesh_frame(case.clip, case.frame, lens, _size(case), seen)
+    return Answer(thin_lens(frame, views), views, len(frame.mesh.triangles))
 
 
 def defocus_node(case: BenchmarkCase, views: int) -> Answer:
@@ -203,13 +205,12 @@ def _size(case: BenchmarkCase) -> tuple[int, int]:
 def through(case: BenchmarkCase, clip: ClipContext, lens: FrameOptions) -> Answer:
     """The frame as the product draws it."""
     picture = clip.picture(case.frame, lens.highlights)
-    return _drawn(mesh_frame(clip, case.frame, lens, _size(case), picture).warped)
+    frame = mesh_frame(clip, case.frame, lens, _size(case), picture).through()
+    return _answer(frame.views.canvas.to_source(draw_mean(frame)), frame)
 
 
-def _drawn(warped: WarpedFrame) -> Answer:
-    plan = warped.plan
-    mean = draw_mean(warped)
-    return Answer(plan.canvas.to_source(mean)[..., :3], len(plan.offsets), len(plan.mesh.triangles))
+def _answer(picture: Picture, frame: Frame) -> Answer:
+    return Answer(picture[..., :3], len(frame.views.offsets), len(frame.mesh.triangles))
 
 
 def _with_picks(case: BenchmarkCase) -> tuple[Reconstruction, Focus]:
@@ -233,7 +234,7 @@ def _with_picks(case: BenchmarkCase) -> tuple[Reconstruction, Focus]:
     return replace(rec, points=points), Focus(points=(first, first + 1, first + 2, first + 3))
 
 
-def _dense_plan(case: BenchmarkCase, views: int) -> FramePlan:
+def _dense(case: BenchmarkCase, views: int) -> tuple[Views, WarpMesh]:
     image, _ = case.reconstruction.image_at(case.frame)
     canvas = case.reconstruction.canvas(image)
     height, width = case.depth.shape
@@ -248,23 +249,25 @@ def _dense_plan(case: BenchmarkCase, views: int) -> FramePlan:
         index[i, j].ravel() for i in (slice(-1), slice(1, None)) for j in (slice(-1), slice(1, None))
     )
     triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
-    offsets = case.radius * vogel_disc(views)
-    focus = 1 / case.focus_depth
-    lens = ThinLens(canvas.pinhole, case.radius, focus)
-    return FramePlan(
-        case.frame, canvas, lens, WarpMesh(xy, xy, inverse, triangles), offsets,
-        exact_registration(canvas, offsets, focus), False,
-    )  # fmt: skip
+    lens = ThinLens(canvas.pinhole, case.radius, 1 / case.focus_depth)
+    placed = Views(canvas, lens).placed(ApertureSamples(vogel_disc(views)))
+    return placed, WarpMesh(xy, xy, inverse, triangles)
 
 
-def thin_lens(plan: FramePlan, picture: Picture, samples: int, seed: int = 0) -> Picture:
-    """(H, W, 3) Cycles' own lens on a plan's mesh painted with a picture (h, w, 4), with the units chosen so
-    that its f-stop stays in Blender's range. What no sample of a pixel hit does not count."""
-    pinhole, mesh, unit = plan.canvas.pinhole, plan.mesh, plan.lens.radius / 0.01
+def thin_lens(frame: Frame, samples: int, seed: int = 0) -> Picture:
+    """(H, W, 3) Cycles' own lens on a frame's layers, with the units chosen so that its f-stop stays in
+    Blender's range. What no sample of a pixel hit does not count."""
+    pinhole, mesh, unit = frame.canvas.pinhole, frame.mesh, frame.lens.radius / 0.01
     inverse = np.maximum(mesh.inverse_depth, 1e-6 * mesh.inverse_depth.max()) * unit
     scene = bpy.data.scenes.new("lens")
     warp = cycles_views.warp_object(
-        mesh.xy, mesh.texture_xy, inverse, mesh.triangles, pinhole.focal, pinhole.principal_point, picture
+        mesh.xy,
+        mesh.texture_xy,
+        inverse,
+        mesh.triangles,
+        pinhole.focal,
+        pinhole.principal_point,
+        atlas(frame.layers),
     )
     try:
         camera = cycles_views.set_up(scene, warp, (pinhole.width, pinhole.height), samples)
@@ -272,12 +275,12 @@ def thin_lens(plan: FramePlan, picture: Picture, samples: int, seed: int = 0) ->
         staging.limit_threads(scene)
         scene.cycles.seed = seed
         camera.dof.use_dof = True
-        camera.dof.focus_distance = 1 / (plan.lens.focus * unit)
+        camera.dof.focus_distance = 1 / (frame.lens.focus * unit)
         camera.dof.aperture_fstop = camera.lens * 1e-3 / (2 * 0.01)
         with tempfile.TemporaryDirectory() as folder, quiet(1):
             drawn = cycles_views.render_to_array(scene, Path(folder) / "lens.exr")
         drawn /= np.maximum(drawn[..., 3:], np.float32(LEAST_LEFT))
-        return plan.canvas.to_source(drawn)[..., :3]
+        return frame.canvas.to_source(drawn)[..., :3]
     finally:
         _remove(scene, warp)
 

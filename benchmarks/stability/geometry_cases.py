@@ -19,13 +19,23 @@ from addon.core.camera.reconstruction import (
     rotation_vector,
 )
 from addon.core.focus.focus import Focus
-from addon.core.frame.plan import FramePlan
 
 from ..displaced import displaced
 from ..picked import pick
 from . import lens_cases
 from .__main__ import Case, Measure
-from .reference import LENS, SCENE_SIZE, displacement_error, map_picture, moved, places, psnr, rendered, shot
+from .reference import (
+    LENS,
+    SCENE_SIZE,
+    Plan,
+    displacement_error,
+    map_picture,
+    moved,
+    places,
+    psnr,
+    rendered,
+    shot,
+)
 from .runs import (
     BAD,
     DEPTH,
@@ -52,20 +62,20 @@ def cases() -> list[Case]:
 
 
 @cache
-def _plain() -> tuple[FramePlan, LinearRGBA]:
+def _plain() -> tuple[Plan, LinearRGBA]:
     plan = planned(shot())
     return plan, draw(plan)
 
 
 def _scaled(scale: float, offset: float) -> list[Measure]:
     plain, picture = _plain()
-    expected = displaced(plain, plain.mesh.xy, plain.mesh.inverse_depth)
+    expected = displaced(plain.views, plain.mesh.xy, plain.mesh.inverse_depth)
     errors, quality = [], []
     raw = moved(shot(), scale, offset)
     for rec in (raw, normalise(raw)):
         plan = planned(rec)
         mean = draw(plan)
-        moves = displaced(plan, plan.mesh.xy, plan.mesh.inverse_depth) - expected
+        moves = displaced(plan.views, plan.mesh.xy, plan.mesh.inverse_depth) - expected
         errors += [float(np.abs(moves).max()), displacement_error(mean, picture, SIZE)]
         quality.append(psnr(mean, picture))
     return [pixels(max(errors)), decibels(min(quality))]
@@ -168,7 +178,7 @@ def _poses() -> Iterator[Case]:
 def _in_focus(distance: float, radius: float, expected: float = 0.0) -> list[Measure]:
     """Everything in the focal plane: the source itself."""
     plan = planned(shot(depth=DEPTH), Focus(distance=distance), radius=radius)
-    contrast = np.abs(plan.mesh.inverse_depth - plan.lens.focus).max()
+    contrast = np.abs(plan.mesh.inverse_depth - plan.views.lens.focus).max()
     return [*compared(draw(plan), map_picture(*SIZE)), Measure(contrast, "of inverse depth", expected)]
 
 

@@ -15,7 +15,6 @@ from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
-from addon.core.frame.plan import FramePlan
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.render.views import gpu_views
 from sample_scenes import cycles_views
@@ -26,6 +25,7 @@ from .reference import (
     LENS,
     NEAR,
     SCENE_SIZE,
+    Plan,
     displacement_error,
     map_picture,
     moved,
@@ -116,7 +116,7 @@ def _focus_depths(depth: float, focus: Focus, method: str) -> list[Measure]:
     """Focus points of which the first two, or all, are at a depth that is none; the others are the focus."""
     plan = planned(shot(depth=spoilt(depth), frames=(1,)), focus, radius=0.3, method=method)
     expected = float(np.mean([1 / spoilt(depth)[point] for point in focus.points if point >= BAD]))
-    error = abs(plan.lens.focus / expected - 1)
+    error = abs(plan.views.lens.focus / expected - 1)
     return [*folded(plan), Measure(error, "of the focus", 1e-12)]
 
 
@@ -186,7 +186,7 @@ def _short_of_memory() -> list[Measure]:
     room = pages * resource.getpagesize() + picture.nbytes // 2
     resource.setrlimit(resource.RLIMIT_AS, (room, before[1]))
     try:
-        gpu_views.mean_of_views(plan, picture)
+        gpu_views.mean_of_views(*plan.painted(picture))
     finally:
         resource.setrlimit(resource.RLIMIT_AS, before)
     return []
@@ -217,7 +217,7 @@ def _middle(blur: float) -> list[Measure]:
     plan = planned(shot(), blur=blur)
     slope = (1 / FAR - 1 / NEAR) / LENS.width
     centre = (1 / FAR + 1 / NEAR) / 2
-    shown = plane_places(LENS, centre, (slope, 0.0), plan.lens.focus, plan.offsets)
+    shown = plane_places(LENS, centre, (slope, 0.0), plan.views.lens.focus, plan.views.offsets)
     expected, mean = plane_picture(shown, map_picture(*SIZE)), draw(plan)
     inside = np.s_[16:-16, 24:-24]
     return [
@@ -265,9 +265,9 @@ def _distorted_views(camera: Intrinsics) -> list[Measure]:
     plan = planned(shot(camera), radius=1e-9)
     size = camera.width, camera.height
     source = map_picture(*size)
-    mean = gpu_views.mean_of_views(plan, plan.canvas.from_source(source))
+    mean = gpu_views.mean_of_views(*plan.painted(plan.views.canvas.from_source(source)))
     inside = np.s_[4:-4, 4:-4]
-    back = plan.canvas.to_source(mean)[inside]
+    back = plan.views.canvas.to_source(mean)[inside]
     return [pixels(displacement_error(back, source[inside], size), 0.1)]
 
 
@@ -311,15 +311,15 @@ def _distortions() -> Iterator[Case]:
         yield Case(f"k1 {k1:g}, rays past the fold", "undistort", check)
 
 
-def _by_cycles(make: Callable[[], FramePlan]) -> list[Measure]:
+def _by_cycles(make: Callable[[], Plan]) -> list[Measure]:
     plan = make()
     picture = map_picture(*SIZE)
-    mean = cycles_views.mean_of_views(plan, picture)
+    mean = cycles_views.mean_of_views(*plan.painted(picture))
     return [decibels(psnr(mean, rendered(plan, picture)), 45)]
 
 
 def _cycles() -> Iterator[Case]:
-    makes: dict[str, Callable[[], FramePlan]] = {
+    makes: dict[str, Callable[[], Plan]] = {
         f"scale {scale:g}": partial(lambda s: planned(moved(shot(), s, 0.0), views=4), scale)
         for scale in (1e-6, 1.0, 1e6)
     }

@@ -6,15 +6,18 @@ a rendered pixel tells which place of the source it shows, in pixels.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.base.arrays import Floats, LinearRGBA
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
-from addon.core.frame.plan import FramePlan
+from addon.core.frame.views import Views
 from addon.core.optics.aperture_sampling import exact_registration
 from addon.core.optics.thin_lens import ThinLens
+from addon.core.warp.layer import Layer
 from addon.core.warp.mesh import WarpMesh
 
 from ..displaced import displaced
@@ -101,12 +104,23 @@ def bilinear(picture: LinearRGBA, xy: Floats) -> Floats:
     return total
 
 
-def rendered(plan: FramePlan, picture: LinearRGBA) -> Floats:
+class Plan(NamedTuple):
+    """A mesh, and the views that draw it."""
+
+    views: Views
+    mesh: WarpMesh
+
+    def painted(self, picture: LinearRGBA) -> tuple[Views, tuple[Layer, ...]]:
+        """The views, and the mesh with a picture (h, w, 4), as they are drawn."""
+        return self.views, (Layer(self.mesh, picture),)
+
+
+def rendered(plan: Plan, picture: LinearRGBA) -> Floats:
     """(h, w, 4) float64 mean of a plan's views; a pixel's centre sees the nearest triangle over it."""
     height, width = picture.shape[:2]
     mesh = plan.mesh
     total = np.zeros((height * width, 4))
-    for seen in displaced(plan, mesh.xy, mesh.inverse_depth):
+    for seen in displaced(plan.views, mesh.xy, mesh.inverse_depth):
         corners = seen[mesh.triangles]
         triangle, x, y = _candidates(corners, width, height)
         a, ab, ac = (corners[triangle, i] - (corners[triangle, 0] if i else 0) for i in range(3))
@@ -123,7 +137,7 @@ def rendered(plan: FramePlan, picture: LinearRGBA) -> Floats:
         last = order[np.append(np.diff(pixel[order]) > 0, True)]
         place = np.einsum("pc,pci->pi", shares[last], mesh.texture_xy[rows[last]])
         total[pixel[last]] += bilinear(picture, place)
-    return total.reshape(height, width, 4) / len(plan.offsets)
+    return total.reshape(height, width, 4) / len(plan.views.offsets)
 
 
 def _candidates(corners: Floats, width: int, height: int) -> tuple[Ints, Ints, Ints]:
@@ -144,7 +158,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 def one_triangle(
     camera: Intrinsics, inverse: float, slope: tuple[float, float], focus: float, offsets: Floats
-) -> FramePlan:
+) -> Plan:
     """A plan whose only triangle covers every view of a plane.
 
     Its inverse depth is `inverse` at the principal point and grows by `slope` a pixel, in 1 / scene units.
@@ -157,7 +171,7 @@ def one_triangle(
         np.array([[0, 1, 2]], dtype=np.int32),
     )  # fmt: skip
     thin = ThinLens(camera, float(np.linalg.norm(offsets, axis=1).max(initial=0.0)), focus)
-    return FramePlan(1, canvas, thin, mesh, offsets, exact_registration(canvas, offsets, focus), False)
+    return Plan(Views(canvas, thin, offsets, exact_registration(canvas, offsets, focus)), mesh)
 
 
 def plane_places(

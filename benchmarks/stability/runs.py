@@ -9,7 +9,7 @@ from addon.core.camera.reconstruction import Reconstruction
 from addon.core.focus.focus import Focus, radius_for_blur
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.frame_path import mesh_frame
-from addon.core.frame.plan import FrameOptions, FramePlan
+from addon.core.frame.plan import FrameOptions
 from addon.render.views import gpu_views
 
 from ..displaced import displaced
@@ -19,6 +19,7 @@ from .reference import (
     LENS,
     NEAR,
     Ints,
+    Plan,
     displacement_error,
     map_picture,
     places,
@@ -37,13 +38,13 @@ BAD = 5
 """Features of 150 that are spoilt: more than the two percent that percentiles forgive."""
 
 
-def draw(plan: FramePlan) -> LinearRGBA:
+def draw(plan: Plan) -> LinearRGBA:
     """The GPU's mean of views of the map picture."""
     problem = gpu_views.gpu_problem()
     if problem:
         raise RuntimeError(f"no GPU context: {problem}")
-    pinhole = plan.canvas.pinhole
-    mean = gpu_views.mean_of_views(plan, map_picture(pinhole.width, pinhole.height))
+    pinhole = plan.views.canvas.pinhole
+    mean = gpu_views.mean_of_views(*plan.painted(map_picture(pinhole.width, pinhole.height)))
     return mean
 
 
@@ -62,12 +63,12 @@ def compared(picture: LinearRGBA, reference: Floats | LinearRGBA, rows: Ints | N
     return [pixels(displacement_error(part, reference, size)), decibels(psnr(part, reference))]
 
 
-def folded(plan: FramePlan) -> list[Measure]:
+def folded(plan: Plan) -> list[Measure]:
     """PSNR against the float64 renderer alone, where triangles hide each other.
 
     Single pixels at their edges belong to one or the other by the last bit.
     """
-    pinhole = plan.canvas.pinhole
+    pinhole = plan.views.canvas.pinhole
     return [decibels(psnr(draw(plan), rendered(plan, map_picture(pinhole.width, pinhole.height))), 50)]
 
 
@@ -79,40 +80,41 @@ def planned(
     views: int = 16,
     method: str = "features",
     frame: int = 1,
-) -> FramePlan:
+) -> Plan:
     """As a user would: the aperture from the blur in the frame, unless its radius is given."""
     if radius is None:
         radius = radius_for_blur(rec, focus, frame, blur)
     camera = rec.cameras[0]
     settings, blank = FrameOptions(focus, radius, views, method), np.zeros((camera.height, camera.width, 4))
     clip = ClipContext(rec, no_picture)
-    return mesh_frame(
+    made = mesh_frame(
         clip, frame, settings, (camera.width, camera.height), blank.astype(np.float32)
-    ).warped.plan
+    ).through()
+    return Plan(made.views, made.mesh)
 
 
-def frontal(plan: FramePlan, depth: float = DEPTH, focus: float = 1 / FOCUS) -> list[Measure]:
+def frontal(plan: Plan, depth: float = DEPTH, focus: float = 1 / FOCUS) -> list[Measure]:
     """A plan of a frontal plane against the closed form."""
     return plane(plan, 1 / depth, (0.0, 0.0), focus)
 
 
-def plane(plan: FramePlan, inverse: float, slope: tuple[float, float], focus: float) -> list[Measure]:
+def plane(plan: Plan, inverse: float, slope: tuple[float, float], focus: float) -> list[Measure]:
     """A plan of a plane against the closed form; of wide pictures only four rows are compared."""
-    pinhole = plan.canvas.pinhole
+    pinhole = plan.views.canvas.pinhole
     rows = np.unique(
         np.linspace(0, pinhole.height - 1, min(pinhole.height, 4 if pinhole.width >= WIDE else 192)).astype(
             int
         )
     )
-    shown = plane_places(pinhole, inverse, slope, focus, plan.offsets, rows)
+    shown = plane_places(pinhole, inverse, slope, focus, plan.views.offsets, rows)
     return compared(draw(plan), plane_picture(shown, map_picture(pinhole.width, pinhole.height)), rows)
 
 
-def as_gpu(plan: FramePlan) -> Floats:
+def as_gpu(plan: Plan) -> Floats:
     """(N, V, 2) the vertex shader's arithmetic in float32, from what it is given."""
-    pinhole = plan.canvas.pinhole
+    pinhole = plan.views.canvas.pinhole
     picture = np.zeros((pinhole.height, pinhole.width, 4), np.float32)
-    vertices, views = gpu_views.vertex_arrays(plan, picture), gpu_views.view_rows(plan)
+    vertices, views = gpu_views.vertex_arrays(*plan, picture), gpu_views.view_rows(*plan)
     x, y = vertices["xy"].T[:, None, :, None]
     a, b, c, d = np.moveaxis(views, 2, 0)[:, :, None, :]
     seen = a * x + b * y + c - d * vertices["contrast"][:, None]
@@ -120,9 +122,9 @@ def as_gpu(plan: FramePlan) -> Floats:
     return np.asarray(seen, dtype=np.float64)
 
 
-def vertices(plan: FramePlan) -> list[Measure]:
-    """The shader's float32 against FramePlan.displace, for vertices in the picture or near it."""
-    pinhole, exact = plan.canvas.pinhole, displaced(plan, plan.mesh.xy, plan.mesh.inverse_depth)
+def vertices(plan: Plan) -> list[Measure]:
+    """The shader's float32 against the float64 displacement, for vertices in the picture or near it."""
+    pinhole, exact = plan.views.canvas.pinhole, displaced(plan.views, plan.mesh.xy, plan.mesh.inverse_depth)
     near = np.all(np.abs(exact) < 5 * max(pinhole.width, pinhole.height), axis=2)
     return [pixels(float(np.abs(as_gpu(plan) - exact)[near].max()))]
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import Floats
 from addon.core.depth.sparse import frame_features
 from addon.core.focus.focus import Focus, radius_for_blur
+from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.meshers.thesis import fitted_registration
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.optics.aperture_sampling import exact_registration
 from addon.render.views.average import draw_mean, render_frame
 
@@ -42,7 +42,7 @@ def triangulations(clip: Clip, answers: str) -> Figure:
     frame = clip.middle
     focus = clip.pick(clip.stage.focus[frame - 1], frame)
     radius = radius_for_blur(clip.reconstruction, focus, frame, BLURS[1])
-    meshes = [_warped(clip, frame, FrameOptions(focus, radius, 1, method)).plan.mesh for method in METHODS]
+    meshes = [_warped(clip, frame, FrameOptions(focus, radius, 1, method)).mesh for method in METHODS]
     backdrop = draw.muted(clip.frame(frame))
     drawn = [draw.mesh(backdrop, mesh.xy, mesh.triangles, draw.YELLOW) for mesh in meshes]
     sizes = [f"{len(mesh.xy)} vertices, {len(mesh.triangles)} triangles" for mesh in meshes]
@@ -97,19 +97,19 @@ def _view(clip: Clip, frame: int, method: str, focus: Focus, offset: Floats) -> 
     moved = clip.unit * offset[None]
     radius = float(np.linalg.norm(moved))
     warped = _warped(clip, frame, FrameOptions(focus, radius, 1, method))
-    plan = warped.plan
+    views = warped.views
     if method == "thesis":
-        features = frame_features(clip.reconstruction, frame, plan.canvas)
-        registration = fitted_registration(clip.reconstruction, features, plan.canvas, moved, focus)
+        features = frame_features(clip.reconstruction, frame, views.canvas)
+        registration = fitted_registration(clip.reconstruction, features, views.canvas, moved, focus)
     else:
-        registration = exact_registration(plan.canvas, moved, plan.lens.focus)
-    warped = replace(warped, plan=replace(plan, offsets=moved, registration=registration))
+        registration = exact_registration(views.canvas, moved, views.lens.focus)
+    warped = replace(warped, views=replace(views, offsets=moved, registration=registration))
     mean = draw_mean(warped)
-    return plan.canvas.to_source(mean)
+    return views.canvas.to_source(mean)
 
 
-def _warped(clip: Clip, frame: int, lens: FrameOptions) -> WarpedFrame:
-    return mesh_frame(clip.shot.context, frame, lens, clip.size, clip.picture(frame)).warped
+def _warped(clip: Clip, frame: int, lens: FrameOptions) -> Frame:
+    return mesh_frame(clip.shot.context, frame, lens, clip.size, clip.picture(frame)).through()
 
 
 def _shown(picture: Linear) -> draw.Picture:

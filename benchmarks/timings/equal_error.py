@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from addon.core.base.arrays import Floats
-from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
+from addon.core.frame.frame import Frame
 from addon.core.optics.aperture_sampling import exact_registration, random_disc, vogel_disc
 
 from ..accuracy.methods import thin_lens
@@ -58,9 +58,9 @@ def against_cycles(scored: Scored, samples: list[int]) -> list[str]:
         costs.append(min(cost.cpu_s for _, cost in runs))
     # A number more may be a little worse by chance.
     best = np.maximum.accumulate(errors)
-    warped, lines = scored.meshed.through(1, prefiltered=False), []
+    lines = []
     for count in samples:
-        draw = partial(thin_lens, warped.plan, warped.texture, count)
+        draw = partial(thin_lens, scored.meshed, count)
         (one, cost), (other, _) = measured(partial(draw, seed=1)), measured(partial(draw, seed=2))
         error = psnr(one, other) + 10 * np.log10(2)
         if error > best[-1]:
@@ -91,15 +91,15 @@ def against_random(scored: Scored) -> list[str]:
     return lines
 
 
-def at(meshed: MeshedFrame, disc: Callable[[], Floats]) -> Picture:
+def at(meshed: Frame, disc: Callable[[], Floats]) -> Picture:
     """(H, W, 3) a frame with its texture as it is, through views at positions (n, 2) on the unit disc."""
-    offsets = meshed.geometry.lens.radius * disc()
-    warped: WarpedFrame = meshed.through(1, prefiltered=False)
-    registration = exact_registration(warped.plan.canvas, offsets, warped.plan.lens.focus)
-    return drawn(replace(warped, plan=replace(warped.plan, offsets=offsets, registration=registration)))
+    offsets = meshed.lens.radius * disc()
+    warped = meshed.through(1, prefiltered=False)
+    registration = exact_registration(warped.views.canvas, offsets, warped.views.lens.focus)
+    return drawn(replace(warped, views=replace(warped.views, offsets=offsets, registration=registration)))
 
 
-def _prefiltered(meshed: MeshedFrame, count: int) -> Picture:
+def _prefiltered(meshed: Frame, count: int) -> Picture:
     return drawn(meshed.through(count))
 
 

@@ -28,8 +28,8 @@ from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.focus.focus import Focus
+from addon.core.frame import frame as lens_frame
 from addon.core.frame import frame_path
-from addon.core.frame import warped_frame as lens_frame
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlight_discs import HighlightDiscs
 from addon.core.frame.meshers import layers
@@ -60,7 +60,7 @@ STAGES: tuple[tuple[object, str, str], ...] = (
     (engine, "render_frame", "rest of the frame"),
     (Filmed, "read", "read"),
     (ClipContext, "picture", "read, highlights"),
-    (frame_path, "frame_geometry", "read"),
+    (frame_path, "open_frame", "read"),
     (ClipContext, "depth", "depth, kept, for every pixel"),
     (ClipSubject, "share", "subjects"),
     (ClipContext, "hidden_colours", "hidden colours, other frames"),
@@ -68,8 +68,8 @@ STAGES: tuple[tuple[object, str, str], ...] = (
     (layers, "layer_mesh", "mesh, rest"),
     (layered_mesh, "depth_peel", "layers"),
     (layered_mesh, "triangulated", "triangles"),
-    (layered_mesh, "_joined", "triangles"),
-    (layered_mesh, "_texture", "texture"),
+    (layered_mesh, "_mesh", "triangles"),
+    (layered_mesh, "_refined", "texture"),
     (lens_frame, "prefilter", "prefilter of the texture"),
     (frame_path, "mean_of_views", "views"),
     (gpu_views, "upload", "upload"),

@@ -15,9 +15,9 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.optics.aperture_sampling import exact_registration, vogel_disc
 from addon.render.views.average import draw_mean
 
@@ -49,7 +49,7 @@ class Scored:
         return self.scene.judged(self.blur)[0]
 
     @cached_property
-    def meshed(self) -> MeshedFrame:
+    def meshed(self) -> Frame:
         case = GroundTruth(self.scene).case(self.frame, self.blur)
         size, lens = (case.picture.shape[1], case.picture.shape[0]), FrameOptions(case.focus, case.radius)
         picture = case.clip.picture(self.frame, lens.highlights)
@@ -79,23 +79,23 @@ class Scored:
         return " | ".join(cells)
 
 
-def plain(meshed: MeshedFrame, count: int) -> WarpedFrame:
+def plain(meshed: Frame, count: int) -> Frame:
     """A frame through views of Vogel's spiral, its texture as it is."""
     warped = meshed.through(count, prefiltered=False)
-    plan = warped.plan
-    offsets = plan.lens.radius * vogel_disc(count)
-    registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
-    return replace(warped, plan=replace(plan, offsets=offsets, registration=registration))
+    views = warped.views
+    offsets = views.lens.radius * vogel_disc(count)
+    registration = exact_registration(views.canvas, offsets, views.lens.focus)
+    return replace(warped, views=replace(views, offsets=offsets, registration=registration))
 
 
-def drawn(warped: WarpedFrame) -> Picture:
-    return warped.plan.canvas.to_source(draw_mean(warped))[..., :3]
+def drawn(warped: Frame) -> Picture:
+    return warped.views.canvas.to_source(draw_mean(warped))[..., :3]
 
 
 def compare(scored: Scored, counts: list[int]) -> None:
     """A row for each number of views, plain and prefiltered."""
     for count in counts:
-        for name, make in (("plain", plain), ("prefiltered", MeshedFrame.through)):
+        for name, make in (("plain", plain), ("prefiltered", Frame.through)):
             warped, making = measured(partial(make, scored.meshed, count))
             picture, drawing = measured(partial(drawn, warped))
             print(

@@ -30,7 +30,7 @@ from benchmarks.stability.reference import (
     shot,
 )
 
-from ..scenes import planned
+from ..scenes import painted, planned
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -173,7 +173,7 @@ def test_memory_that_runs_out_while_drawing_is_a_users_error() -> None:
         reporting(no_room),
         pytest.raises(UserError, match=r"not enough memory to draw a picture of 96x54; render at a lower"),
     ):
-        gpu_views.mean_of_views(plan, map_picture(96, 54))
+        gpu_views.mean_of_views(*painted(plan, map_picture(96, 54)))
 
 
 def test_one_point_in_the_lens_does_not_refuse_the_frame() -> None:

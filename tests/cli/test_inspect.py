@@ -11,26 +11,23 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, reporting
-from addon.core.frame.frame_path import Drawn
 from addon.core.frame.inspection import NAMES
 from addon.core.frame.report import FrameReport
 from addon.render.output.run_report import RunReport, check_report
 
 from ..command_line import done, here
 from ..disc_and_wall import disc_and_wall
-from ..disc_and_wall import scene as picture
 from .known_planes import LENS, import_planes
 
 # Files of reports
 
 
 def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
-    warped, path = disc_and_wall(), tmp_path / "of" / "a.json"
+    drawn, path = disc_and_wall(), tmp_path / "of" / "a.json"
 
     def draw(report: RunReport, *frames: int) -> None:
         for frame in frames:
-            one_ = replace(warped, plan=replace(warped.plan, frame=frame))
-            report.on_frame(Drawn(one_, picture(), 0.1))
+            report.on_frame(replace(drawn, number=frame))
 
     first = RunReport(path, "key")
     draw(first, 4, 2)
@@ -52,7 +49,7 @@ def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
         raise Cancelled
 
     with pytest.raises(Cancelled), reporting(stop):
-        stopped.on_frame(Drawn(warped, picture(), 0.1))
+        stopped.on_frame(drawn)
     assert not (tmp_path / "b.json").exists()
 
 

@@ -34,7 +34,7 @@ from addon.core.depth.user_maps import open_depth
 from addon.core.focus.focus import Focus
 from addon.core.frame.cg_layers import CGObjects
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.frame_path import Drawn
+from addon.core.frame.frame import Frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import NORMAL
@@ -104,7 +104,7 @@ class Case:
     points: int = 0
     """Number of points in focus."""
     cg: Callable[[Clip, Canvas], CGObjects] | None = None
-    shows: Callable[[Drawn], LinearRGBA | Map] | None = None
+    shows: Callable[[Frame], LinearRGBA | Map] | None = None
     """What is drawn with the frame, in its place."""
 
 
@@ -286,9 +286,7 @@ CASES = {
         {"repairs": (Repair("same", 0, STROKE, 0.08, reference=(0.2, 0.2)), Repair("soft", 0, STROKE, 0.03))},
         given,
     ),
-    "range matte": Case(
-        "foreground", {}, given, shows=lambda drawn: draw_matte(drawn.warped, Range(0.0, 4.0))
-    ),
+    "range matte": Case("foreground", {}, given, shows=lambda drawn: draw_matte(drawn, Range(0.0, 4.0))),
     "sources": Case("foreground", {}, given, shows=draw_shares),
     "masks by stereo": Case("stroller", {}, masks),
     "aberrations on a steadier path": Case(
@@ -322,7 +320,7 @@ def drawn(case: Case) -> LinearRGBA | Map:
         LENS, focus=Focus(ids, near, **case.tilt), radius=DISC * near / (2 * camera.fx), **case.lens
     )
     options = replace(options, repairs=tuple(replace(each, frame=clip.frame) for each in options.repairs))
-    found, cg = list[Drawn](), case.cg
+    found, cg = list[Frame](), case.cg
     picture = render_frame(
         whole, clip.frame, options, size, lambda note: None, found.append,
         None if cg is None else lambda frame, canvas, depth: cg(clip, canvas),

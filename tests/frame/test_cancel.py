@@ -10,9 +10,9 @@ import pytest
 
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.focus.focus import Focus
+from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.clip import open_footage
 from addon.core.media.light import to_linear
 from addon.scene.sources.shot import Shot
@@ -38,10 +38,10 @@ def fresh(folder: Path) -> Shot:
     return Shot(footage, poses(CENTRES, features(), LENS.scaled(footage.width, footage.height)))
 
 
-def warped(shot: Shot) -> WarpedFrame:
+def warped(shot: Shot) -> Frame:
     lens = FrameOptions(Focus(distance=4.0), 0.2, 8)
     size = shot.footage.width, shot.footage.height
-    return mesh_frame(shot.context, MIDDLE, lens, size, to_linear(shot.clip.read(MIDDLE))).warped
+    return mesh_frame(shot.context, MIDDLE, lens, size, to_linear(shot.clip.read(MIDDLE))).through()
 
 
 @pytest.mark.long
@@ -84,6 +84,7 @@ def test_what_was_cancelled_anywhere_is_drawn_right_afterwards(small: Path) -> N
             # What is remembered from the tries before leaves fewer checkpoints.
             raise Cancelled
     again = warped(shot)
-    assert np.array_equal(again.texture, first.texture)
-    assert np.array_equal(again.plan.mesh.triangles, first.plan.mesh.triangles)
-    assert np.array_equal(again.plan.mesh.inverse_depth, first.plan.mesh.inverse_depth)
+    for one, other in zip(again.layers, first.layers, strict=True):
+        assert np.array_equal(one.picture, other.picture)
+    assert np.array_equal(again.mesh.triangles, first.mesh.triangles)
+    assert np.array_equal(again.mesh.inverse_depth, first.mesh.inverse_depth)

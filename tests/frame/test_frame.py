@@ -14,10 +14,12 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import SURE, PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.frame_path import FEWEST_SURE, mesh_frame
+from addon.core.frame.effects import FEWEST_SURE
+from addon.core.frame.frame import Frame
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.light import to_linear
+from addon.core.warp.layer import BORROWED, INPAINTED
 
 from ..scenes import slanted_plane, texture
 
@@ -58,47 +60,46 @@ def sure_in(share: float) -> NDArray[np.float32]:
 
 def warped(
     confidence: NDArray[np.float32], radius: float = 0.5, method: str = "layers", borrow: bool = False
-) -> tuple[WarpedFrame, ByHand]:
+) -> tuple[Frame, ByHand]:
     depth = ByHand(confidence)
     lens = FrameOptions(Focus(distance=FOCUS), radius, 8, method, borrow=borrow)
-    return mesh_frame(clip(depth), 2, lens, SIZE, SOURCE).warped, depth
+    return mesh_frame(clip(depth), 2, lens, SIZE, SOURCE).through(), depth
 
 
 @pytest.mark.parametrize("borrow", [False, True])
 def test_layers_are_the_default(borrow: bool) -> None:
     assert FrameOptions(Focus(distance=FOCUS), 0.5).method == "layers"
     made, depth = warped(sure_in(1.0), borrow=borrow)
-    assert (made.method, made.why) == ("layers", "") and made.is_whole
-    assert depth.requested == [2] and made.plan.frame == 2
-    assert made.layers and made.layers[0].disoccluded.any()
-    assert (made.layers[0].margin_reprojected is not None) == borrow
+    assert (made.mesher.name, made.why) == ("layers", "") and made.is_whole
+    assert depth.requested == [2] and made.number == 2
+    front, back = made.layers
+    assert front.origin.shape == back.origin.shape and (back.origin == INPAINTED).any()
+    assert (front.origin == BORROWED).any() == borrow
     assert made.depth is not None and made.depth.inverse_depth.shape == (90, 160)
     assert made.depth.confidence is not None and made.depth.confidence.min() == 1
-    # The texture is two layers, one above the other.
-    assert made.texture.shape[0] % 2 == 0 and made.texture.shape[0] > 90
     assert made.depth_seconds > 0 and made.mesh_seconds > 0
 
 
 def test_where_hardly_anything_is_sure_features_are_drawn_and_the_reason_given() -> None:
     made, _ = warped(sure_in(0.5 * FEWEST_SURE))
-    assert made.method == "features" and f"less than {100 * FEWEST_SURE:g}%" in made.why
-    assert not made.layers and made.depth is not None
+    assert made.mesher.name == "features" and f"less than {100 * FEWEST_SURE:g}%" in made.why
+    assert len(made.layers) == 1 and made.depth is not None
     chosen, _ = warped(sure_in(1.0), method="features")
-    assert (chosen.method, chosen.why) == ("features", "")
-    np.testing.assert_array_equal(made.plan.mesh.xy, chosen.plan.mesh.xy)
-    np.testing.assert_array_equal(made.plan.mesh.inverse_depth, chosen.plan.mesh.inverse_depth)
-    np.testing.assert_array_equal(made.texture, chosen.texture)
+    assert (chosen.mesher.name, chosen.why) == ("features", "")
+    np.testing.assert_array_equal(made.mesh.xy, chosen.mesh.xy)
+    np.testing.assert_array_equal(made.mesh.inverse_depth, chosen.mesh.inverse_depth)
+    np.testing.assert_array_equal(made.layers[0].picture, chosen.layers[0].picture)
     # A little more is enough.
-    assert warped(sure_in(2 * FEWEST_SURE))[0].method == "layers"
+    assert warped(sure_in(2 * FEWEST_SURE))[0].mesher.name == "layers"
 
 
 def test_discs_that_leave_nothing_take_the_features_and_say_so() -> None:
     made, depth = warped(sure_in(1.0), radius=20.0)
-    assert made.method == "features" and "too large for layers" in made.why
+    assert made.mesher.name == "features" and "too large for layers" in made.why
     assert not depth.requested and made.depth is None
     chosen, _ = warped(sure_in(1.0), radius=20.0, method="features")
-    assert (chosen.method, chosen.why) == ("features", "")
-    np.testing.assert_array_equal(made.plan.mesh.triangles, chosen.plan.mesh.triangles)
+    assert (chosen.mesher.name, chosen.why) == ("features", "")
+    np.testing.assert_array_equal(made.mesh.triangles, chosen.mesh.triangles)
 
 
 @pytest.mark.parametrize("method", ["features", "thesis"])
@@ -106,7 +107,7 @@ def test_a_method_that_is_asked_for_is_used(method: str) -> None:
     picks = Focus(points=(3, 9, 30, 60))
     lens = FrameOptions(picks, 0.5, 8, method)
     depth = ByHand(sure_in(0))
-    made = mesh_frame(clip(depth), 2, lens, SIZE, SOURCE).warped
-    assert (made.method, made.why) == (method, "")
-    assert not made.layers and not depth.requested
-    np.testing.assert_array_equal(made.texture, SOURCE)
+    made = mesh_frame(clip(depth), 2, lens, SIZE, SOURCE).through()
+    assert (made.mesher.name, made.why) == (method, "")
+    assert not depth.requested
+    np.testing.assert_array_equal(made.layers[0].picture, SOURCE)

@@ -16,11 +16,11 @@ from addon.core.camera.reconstruction import Intrinsics, rotation_matrix
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.highlight_discs import BRIGHT, MOST, TrackedDepth, without_small_highlights
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.light import to_linear
 from addon.core.optics.aperture import Aperture
 from addon.core.warp.cg_layer import CGLayer
@@ -62,9 +62,7 @@ def with_highlight(picture: LinearRGBA, x: int, y: int, light: float = 40.0) -> 
     return picture
 
 
-def drawn(
-    picture: LinearRGBA, inverse: Floats, views: int = 16, gain: float = 1.0, **shape: float
-) -> WarpedFrame:
+def drawn(picture: LinearRGBA, inverse: Floats, views: int = 16, gain: float = 1.0, **shape: float) -> Frame:
     lens = FrameOptions(
         Focus(distance=FOCUS), RADIUS, borrow=False, aperture=Aperture(**shape),  # type: ignore[arg-type]
         highlights=HighlightSettings(gain),
@@ -73,9 +71,9 @@ def drawn(
     return mesh_frame(clip, 2, lens, SIZE, picture).through(views)
 
 
-def discs(warped: WarpedFrame) -> Map:
-    assert warped.highlight_discs is not None
-    return warped.highlight_discs.light(warped.plan, warped.layers)
+def discs(frame: Frame) -> Map:
+    assert frame.highlight_discs is not None
+    return frame.highlight_discs.light(frame.views, frame.layers, steadied=frame.steadied)
 
 
 def flat(distance: float = FAR) -> Floats:
@@ -87,15 +85,16 @@ def flat(distance: float = FAR) -> Floats:
 def test_a_highlight_in_the_open_keeps_its_energy_and_its_place(
     shape: dict[str, float], distance: float
 ) -> None:
-    warped = drawn(with_highlight(dark(), 101, 71), flat(distance), **shape)
-    light = discs(warped)
+    frame = drawn(with_highlight(dark(), 101, 71), flat(distance), **shape)
+    light = discs(frame)
     # Four pixels over a ground that stays.
     np.testing.assert_allclose(light.sum(axis=(0, 1)), 4 * 40 * np.array([1, 0.8, 0.5]), rtol=1e-3)
     row, column = np.mgrid[: SIZE[1], : SIZE[0]] + 0.5
     if shape != {"blades": 5}:
         middle = [(axis * light[..., 0]).sum() / light[..., 0].sum() for axis in (column, row)]
         np.testing.assert_allclose(middle, [102, 72], atol=0.02)
-    np.testing.assert_allclose(warped.texture[..., :3].max(), 0.05, rtol=1e-3)
+    brightest = max(each.picture[..., :3].max() for each in frame.layers)
+    np.testing.assert_allclose(brightest, 0.05, rtol=1e-3)
 
 
 def test_the_light_does_not_depend_on_the_number_of_views() -> None:
@@ -155,13 +154,13 @@ def test_nothing_that_is_farther_or_as_far_hides_a_highlight() -> None:
 
 @pytest.mark.parametrize("away", [3.0, 20.0], ids=["before", "behind"])
 def test_a_title_that_stays_sharp_hides_discs_where_it_stands(away: float) -> None:
-    warped = drawn(with_highlight(dark(), 119, 79), flat())
+    frame = drawn(with_highlight(dark(), 119, 79), flat())
     title = np.zeros((SIZE[1], SIZE[0], 4), np.float32)
     title[:, 124:] = 1
     layer = CGLayer.of(title, np.full(SIZE[::-1], 1 / away, np.float32), 0, 0.0, is_sharp=True)
-    whole, held = discs(warped), warped.highlight_discs
+    whole, held = discs(frame), frame.highlight_discs
     assert layer is not None and held is not None and whole[:, 124:].any()
-    found = held.light(warped.plan, warped.layers, [layer])
+    found = held.light(frame.views, frame.layers, [layer])
     # A hard edge through the disc, or none of it.
     assert np.array_equal(found[:, :124], whole[:, :124])
     assert np.array_equal(found[:, 124:], whole[:, 124:] * (away > FAR))
@@ -179,8 +178,8 @@ def test_a_title_that_stays_sharp_hides_discs_where_it_stands(away: float) -> No
 )  # fmt: skip
 def test_everything_else_stays_in_the_texture(change: Callable[[], tuple[LinearRGBA, Floats, float]]) -> None:
     picture, inverse, gain = change()
-    warped = drawn(picture, inverse, gain=gain)
-    assert warped.highlight_discs is None
+    frame = drawn(picture, inverse, gain=gain)
+    assert frame.highlight_discs is None
 
 
 def test_light_is_moved_not_lost() -> None:
@@ -226,7 +225,7 @@ def test_a_disc_is_as_large_as_its_feature_points_say_where_stereo_sees_the_back
     source[98:102, 158:162, :3] = 40
     clip = ClipContext(solve, lambda frame: pictures[frame - 1])
     lens = FrameOptions(Focus(distance=4.0), radius, borrow=False)
-    found = mesh_frame(clip, frame, lens, planes.SIZE, source).geometry.highlight_discs
+    found = mesh_frame(clip, frame, lens, planes.SIZE, source).highlight_discs
     assert found is not None
     (highlight,) = found.found
     assert highlight.displacement == pytest.approx(radius * planes.FOCAL * (1 / 8 - 1 / 4), abs=0.2)
@@ -256,16 +255,16 @@ def test_from_a_steadier_path_a_disc_stands_where_its_highlight_is_seen() -> Non
     plane = replace(plane, images=(first, shaken, *others))
     clip = ClipContext(plane, lambda frame: texture(*SIZE), Given(flat()))
     lens = FrameOptions(Focus(distance=FOCUS), RADIUS, borrow=False, stabilize=1.0)
-    warped = mesh_frame(clip, 2, lens, SIZE, picture).through(16)
+    made = mesh_frame(clip, 2, lens, SIZE, picture).through(16)
     path, (image, _), pinhole = (
         clip.steady_path(1.0),
         clip.reconstruction.image_at(2),
-        warped.plan.canvas.pinhole,
+        made.views.canvas.pinhole,
     )
     ray = np.array([(61 - LENS.cx) / LENS.fx, (51 - LENS.cy) / LENS.fy, 1.0])
     world = image.centre + FAR * ray @ image.rotation
     seen = pinhole.project((world - path.centres[1]) @ path.rotations[1].T)
-    light = discs(warped).sum(axis=2)
+    light = discs(made).sum(axis=2)
     y, x = np.nonzero(light > 0)
     weights = light[y, x] / light.sum()
     assert np.hypot(*(seen - [61, 51])) > 0.5

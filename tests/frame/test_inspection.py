@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from addon.core.base.arrays import LinearRGB, LinearRGBA, Mask
+from addon.core.base.arrays import LinearRGB, Mask
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.frame import inspection
 from addon.core.frame.clip_context import ClipContext, no_picture
-from addon.core.frame.frame_path import Drawn, mesh_frame
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.inspection import (
     NAMES,
     blur_discs,
@@ -24,9 +24,9 @@ from addon.core.frame.inspection import (
     pictures,
     source_frame,
 )
+from addon.core.frame.meshers import MESHERS
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.report import Used, frame_report, summary
-from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.light import to_linear, to_rgb8
 from addon.core.warp.layered_depth_image import Fill
 from addon.core.warp.mesh import at_pixels
@@ -44,17 +44,12 @@ from ..disc_and_wall import (
     disc_and_wall,
     interpolated,
     one,
-    scene,
 )
 from ..scenes import LENS as PLAIN
 from ..scenes import slanted_plane, texture
 
 Floats = NDArray[np.float64]
 RED, GREEN, BLUE = range(3)
-
-
-def shares_of(warped: WarpedFrame, source: LinearRGBA | None = None) -> LinearRGBA:
-    return draw_shares(Drawn(warped, scene() if source is None else source, 0.5))
 
 
 def lends(what: Callable[[Floats], Mask]) -> Fill:
@@ -94,7 +89,7 @@ def test_the_nearest_of_several_triangles_counts_and_nothing_is_nothing() -> Non
 
 
 def test_shares_make_one_where_the_frame_is_whole() -> None:
-    shares = shares_of(disc_and_wall())
+    shares = draw_shares(disc_and_wall())
     assert shares.shape == (*SIZE, 3) and shares.dtype == np.float32
     assert shares.min() >= 0
     np.testing.assert_allclose(shares.sum(axis=2), 1, atol=1e-4)
@@ -108,17 +103,17 @@ def test_shares_make_one_where_the_frame_is_whole() -> None:
 
 def test_all_is_the_frames_own_without_jumps() -> None:
     inner = np.s_[4:-4, 4:-4]
-    slope = shares_of(disc_and_wall(4.0, 2 + 0.02 * X))
+    slope = draw_shares(disc_and_wall(4.0, 2 + 0.02 * X))
     np.testing.assert_allclose(slope[inner][..., BLUE], 1, atol=1e-5)
     # At the border views look past it.
     assert slope[0, :, RED].mean() > 0.05
-    focused = shares_of(disc_and_wall(FAR, np.full(SIZE, FAR)))
+    focused = draw_shares(disc_and_wall(FAR, np.full(SIZE, FAR)))
     np.testing.assert_allclose(focused[..., BLUE], 1, atol=1e-3)
 
 
 def test_what_is_lent_is_not_made_up() -> None:
     alone, half, all_ = (
-        shares_of(disc_and_wall(fill=fill)).mean(axis=(0, 1))
+        draw_shares(disc_and_wall(fill=fill)).mean(axis=(0, 1))
         for fill in (
             None,
             lends(lambda s: np.arange(s.shape[1]) < 80),
@@ -132,22 +127,22 @@ def test_what_is_lent_is_not_made_up() -> None:
 
 
 def test_a_coarse_texture_has_the_same_sources() -> None:
-    fine = shares_of(disc_and_wall())
+    fine = draw_shares(disc_and_wall())
     coarse = disc_and_wall(largest_texture=1)
-    assert coarse.texture.shape[1] == coarse.layers[0].disoccluded.shape[1]
-    assert np.abs(shares_of(coarse) - fine).mean() < 0.005
+    assert coarse.layers[0].picture.shape[1] == coarse.layers[0].origin.shape[1]
+    assert np.abs(draw_shares(coarse) - fine).mean() < 0.005
 
 
 def test_few_views_tell_the_shares_of_many() -> None:
-    warped = disc_and_wall()
-    few = source_frame(warped)
-    assert len(few.plan.offsets) == inspection.SOURCE_VIEWS < len(warped.plan.offsets)
-    assert few.plan.mesh is warped.plan.mesh
-    np.testing.assert_array_equal(few.texture[..., 3], warped.texture[..., 3])
-    np.testing.assert_allclose(few.texture[..., :3].sum(axis=2), few.texture[..., 3], atol=1e-6)
-    plan = warped.plan
-    eight = replace(warped, plan=replace(plan, offsets=plan.offsets[:8], registration=plan.registration[:8]))
-    assert source_frame(eight).plan is eight.plan
+    frame = disc_and_wall()
+    few, views = source_frame(frame), frame.views
+    assert len(few.views.offsets) == inspection.SOURCE_VIEWS < len(views.offsets)
+    for painted, own in zip(few.layers, frame.layers, strict=True):
+        assert painted.mesh is own.mesh
+        np.testing.assert_array_equal(painted.picture[..., 3], own.picture[..., 3])
+        np.testing.assert_allclose(painted.picture[..., :3].sum(axis=2), painted.picture[..., 3], atol=1e-6)
+    views = replace(views, offsets=views.offsets[:8], registration=views.registration[:8])
+    assert source_frame(replace(frame, views=views)).views.offsets is views.offsets
 
 
 def plane(camera: Intrinsics = PLAIN) -> ClipContext:
@@ -159,8 +154,8 @@ def plane(camera: Intrinsics = PLAIN) -> ClipContext:
 def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> None:
     source = to_linear(texture(160, 90))
     lens = FrameOptions(Focus(points=(3, 9, 30, 60)), 0.5, 24, method)
-    warped = mesh_frame(plane(), 2, lens, (160, 90), source).warped
-    shares = shares_of(warped, source)
+    frame = mesh_frame(plane(), 2, lens, (160, 90), source).through()
+    shares = draw_shares(frame)
     assert shares[..., GREEN].max() == 0
     np.testing.assert_allclose(shares[12:-12, 12:-12, BLUE], 1, atol=1e-4)
     if method == "thesis":
@@ -170,10 +165,10 @@ def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> N
     else:
         assert shares[:, 0, RED].max() > 0.2
         np.testing.assert_allclose(shares.sum(axis=2), 1, atol=1e-4)
-    made = pictures(warped, source, shares)
+    made = pictures(frame, shares)
     assert tuple(made) == NAMES
-    report = frame_report(warped, shares, 1.0)
-    assert report.sure is None and report.triangles == len(warped.plan.mesh.triangles)
+    report = frame_report(frame, shares)
+    assert report.sure is None and report.triangles == len(frame.mesh.triangles)
     assert "%" in "\n".join(report.words())
 
 
@@ -181,10 +176,10 @@ def test_a_very_wide_aperture() -> None:
     """The mesh reaches past the border by more than a texture can."""
     source = to_linear(texture(160, 90))
     lens = FrameOptions(Focus(distance=8.0), 60.0, 24, "features")
-    warped = mesh_frame(plane(), 2, lens, (160, 90), source).warped
-    painted = source_frame(warped)
-    assert max(painted.texture.shape) <= inspection.LARGEST_TEXTURE + 1
-    shares = shares_of(warped, source)
+    frame = mesh_frame(plane(), 2, lens, (160, 90), source).through()
+    painted = source_frame(frame)
+    assert max(painted.layers[0].picture.shape) <= inspection.LARGEST_TEXTURE + 1
+    shares = draw_shares(frame)
     assert 0.2 < shares[..., RED].mean() < 1
 
 
@@ -192,11 +187,11 @@ def test_pictures_have_the_geometry_of_a_bent_lens() -> None:
     bent = replace(PLAIN, k1=-0.1)
     source = to_linear(texture(160, 90))
     lens = FrameOptions(Focus(distance=8.0), 0.5, 8, "features")
-    warped = mesh_frame(plane(bent), 2, lens, (160, 90), source).warped
-    assert (warped.plan.canvas.pinhole.width, warped.plan.canvas.pinhole.height) != (160, 90)
-    shares = shares_of(warped, source)
+    frame = mesh_frame(plane(bent), 2, lens, (160, 90), source).through()
+    assert (frame.canvas.pinhole.width, frame.canvas.pinhole.height) != (160, 90)
+    shares = draw_shares(frame)
     np.testing.assert_allclose(shares[15:-15, 15:-15, BLUE], 1, atol=1e-3)
-    for shown in pictures(warped, source, shares).values():
+    for shown in pictures(frame, shares).values():
         assert shown.shape == (90, 160, 3)
 
 
@@ -204,9 +199,9 @@ def test_pictures_have_the_geometry_of_a_bent_lens() -> None:
 
 
 def test_all_pictures() -> None:
-    warped = disc_and_wall(fill=lends(lambda s: np.arange(s.shape[1]) < 90))
-    shares = shares_of(warped)
-    made = pictures(warped, scene(), shares)
+    frame = disc_and_wall(fill=lends(lambda s: np.arange(s.shape[1]) < 90))
+    shares = draw_shares(frame)
+    made = pictures(frame, shares)
     assert tuple(made) == NAMES
     for name, shown in made.items():
         assert shown.dtype == np.uint8
@@ -220,9 +215,9 @@ def test_all_pictures() -> None:
 
 
 def test_discs_are_those_of_the_thin_lens() -> None:
-    plan = disc_and_wall().plan
-    depth = np.array([1 / plan.lens.focus, 5.0, 20.0, 1e9])
-    found = plan.lens.blur_disc(1 / depth)
+    lens = disc_and_wall().lens
+    depth = np.array([1 / lens.focus, 5.0, 20.0, 1e9])
+    found = lens.blur_disc(1 / depth)
     expected = 2 * RADIUS * LENS.fx * np.abs(1 / depth - 1 / depth[0])
     np.testing.assert_allclose(np.abs(found), expected, atol=1e-12)
     assert found[0] == 0
@@ -230,19 +225,20 @@ def test_discs_are_those_of_the_thin_lens() -> None:
 
 
 def test_depth_is_what_the_frame_is_drawn_with() -> None:
-    warped = disc_and_wall()
-    assert warped.depth is not None and inverse_depth(warped) is warped.depth.inverse_depth
+    frame = disc_and_wall()
+    assert frame.depth is not None and inverse_depth(frame) is frame.depth.inverse_depth
     # One surface instead of the depth that was found: its own.
-    flat = replace(warped.plan.mesh, inverse_depth=np.full(len(warped.plan.mesh.xy), 0.25))
-    single = replace(warped, layers=(), plan=replace(warped.plan, mesh=flat))
+    mesh = frame.layers[-1].mesh
+    flat = replace(frame.layers[-1], mesh=replace(mesh, inverse_depth=np.full(len(mesh.xy), 0.25)))
+    single = replace(frame, layers=(flat,), mesher=MESHERS["features"])
     np.testing.assert_allclose(inverse_depth(single), 0.25)
 
 
 def test_nothing_known_is_black() -> None:
-    warped = disc_and_wall()
-    mesh = replace(warped.plan.mesh, triangles=warped.plan.mesh.triangles[:0])
-    warped = replace(warped, plan=replace(warped.plan, mesh=mesh), layers=(), depth=None)
-    made = pictures(warped, scene(), np.zeros((*SIZE, 3), np.float32))
+    frame = disc_and_wall()
+    mesh = replace(frame.mesh, triangles=frame.mesh.triangles[:0])
+    frame = replace(frame, layers=(replace(frame.layers[-1], mesh=mesh),), depth=None)
+    made = pictures(frame, np.zeros((*SIZE, 3), np.float32))
     assert not made["depth"].any() and not made["blur"].any()
 
 
@@ -250,10 +246,10 @@ def test_nothing_known_is_black() -> None:
 
 
 def test_the_report_is_that_of_the_mesh() -> None:
-    warped = disc_and_wall()
-    shares = shares_of(warped)
-    report = frame_report(warped, shares, 2.5)
-    triangles = len(warped.plan.mesh.triangles)
+    frame = disc_and_wall()
+    shares = draw_shares(frame)
+    report = frame_report(replace(frame, draw_seconds=2.5), shares)
+    triangles = len(frame.mesh.triangles)
     assert report.triangles == triangles
     assert report.of_pixel_grid == pytest.approx(100 * triangles / (2 * SIZE[0] * SIZE[1]))
     assert report.own + report.borrowed + report.inpainted == pytest.approx(100, abs=0.01)
@@ -270,12 +266,12 @@ def test_the_report_is_that_of_the_mesh() -> None:
     assert json.loads(json.dumps(report.as_dict()))["triangles"] == triangles
     text = "\n".join(report.words())
     assert f"{triangles:,} triangles" in text and "layers with 24 views: its depth is sure enough" in text
-    given = frame_report(replace(warped, depth=replace(warped.depth, confidence=None)), shares, 2.5)
+    given = frame_report(replace(frame, depth=replace(frame.depth, confidence=None)), shares)
     assert given.why == "its depth is known" and given.sure is None
 
 
 def test_a_run_in_one_line() -> None:
-    report = frame_report(disc_and_wall(), np.zeros((*SIZE, 3), np.float32), 0.0)
+    report = frame_report(disc_and_wall(), np.zeros((*SIZE, 3), np.float32))
     used = [Used(n, "layers", "as chosen") for n in range(1, 8)] + [
         Used(n, "features", "little is sure") for n in (8, 9, 12)
     ]
@@ -288,13 +284,13 @@ def test_a_run_in_one_line() -> None:
 
 def test_what_is_in_focus_is_clear_and_the_rest_is_tinted() -> None:
     source = np.full((90, 160, 4), 0.2, np.float32)
-    warped = mesh_frame(
+    frame = mesh_frame(
         plane(), 2, FrameOptions(Focus(points=(3, 9, 30, 60)), 0.5, 8, "features"), (160, 90), source
-    ).warped
-    shown = picture("focus", warped, source)
+    ).through()
+    shown = picture("focus", frame)
     assert shown is not None
-    disc = blur_discs(warped)
-    clear = np.abs(disc) < warped.plan.lens.acceptable_disc
+    disc = blur_discs(frame)
+    clear = np.abs(disc) < frame.lens.acceptable_disc
     grey = to_rgb8(source)
     assert clear.any() and np.array_equal(shown[clear], grey[clear])
     tint = shown.astype(int) - grey

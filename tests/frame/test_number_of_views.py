@@ -13,9 +13,9 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.media.light import encode_srgb, to_linear
 from addon.core.optics.aperture_sampling import views_needed
 from addon.render.views.average import draw_mean
@@ -42,15 +42,15 @@ class Step:
         return None
 
 
-def meshed(method: str = "layers", radius: float = 0.5) -> MeshedFrame:
+def meshed(method: str = "layers", radius: float = 0.5) -> Frame:
     clip = ClipContext(slanted_plane(LENS, near=4.0, far=16.0), lambda frame: texture(*SIZE), Step())
     options = FrameOptions(Focus(distance=6.0), radius, method=method, borrow=False)
     return mesh_frame(clip, 2, options, SIZE, SOURCE)
 
 
-def shown(warped: WarpedFrame) -> Floats:
+def shown(frame: Frame) -> Floats:
     """(H, W, 3) as displayed, without the border."""
-    return displayed(draw_mean(warped))
+    return displayed(draw_mean(frame))
 
 
 def displayed(mean: LinearRGBA) -> Floats:
@@ -75,14 +75,15 @@ def test_few_prefiltered_views_look_like_many() -> None:
 
 def test_a_frame_is_made_again_for_another_number() -> None:
     frame = meshed()
-    texture = frame.surface.texture.copy()
+    picture = frame.layers[-1].picture.copy()
     first, second = frame.through(8), frame.through(24)
-    np.testing.assert_array_equal(frame.surface.texture, texture)
-    assert (len(first.plan.offsets), len(second.plan.offsets)) == (8, 24)
-    assert not np.array_equal(first.texture, second.texture)
+    np.testing.assert_array_equal(frame.layers[-1].picture, picture)
+    assert (len(first.views.offsets), len(second.views.offsets)) == (8, 24)
+    assert not np.array_equal(first.layers[-1].picture, second.layers[-1].picture)
     again = frame.through(8, reuse=True)
-    assert again.texture is frame.surface.texture
-    np.testing.assert_array_equal(again.texture, first.texture)
+    for mine, own, other in zip(again.layers, frame.layers, first.layers, strict=True):
+        assert mine.picture is own.picture
+        np.testing.assert_array_equal(mine.picture, other.picture)
 
 
 def test_more_blur_takes_more_views() -> None:

@@ -38,8 +38,8 @@ def test_the_picture_does_not_depend_on_the_scenes_scale(method: str, factor: fl
     big = scaled(rec, factor)
     lens_big = replace(lens, radius=radius_for_blur(big, focus, 1, 0.04))
     a, b = planned(rec, 1, lens, SIZE), planned(big, 1, lens_big, SIZE)
-    shift_a = displaced(a, a.mesh.xy, a.mesh.inverse_depth)
-    shift_b = displaced(b, b.mesh.xy, b.mesh.inverse_depth)
+    shift_a = displaced(a.views, a.mesh.xy, a.mesh.inverse_depth)
+    shift_b = displaced(b.views, b.mesh.xy, b.mesh.inverse_depth)
     assert np.abs(shift_a - shift_b).max() < 1e-6
     assert lens_big.radius == pytest.approx(factor * lens.radius, rel=1e-9)
 
@@ -52,13 +52,13 @@ def test_displacement_is_a_projection_from_a_moved_camera() -> None:
     image, _ = rec.image_at(2)
     local = image.to_camera(rec.points.xyz[features.points])
     on_plane = np.column_stack([(features.observed - [160, 90]) / 270 * 8.0, np.full(len(local), 8.0)])
-    for view, offset in enumerate(plan.offsets):
+    for view, offset in enumerate(plan.views.offsets):
         eye = np.append(offset, 0.0)
         seen = LENS.project(local - eye)
         # Where the focal plane's point at the same pixel went is where registration brings it back from.
         slip = LENS.project(on_plane - eye) - features.observed
         expected = seen - slip
-        got = displaced(plan, features.observed, features.inverse_depth)[view]
+        got = displaced(plan.views, features.observed, features.inverse_depth)[view]
         assert np.abs(got - expected).max() < 1e-6
 
 
@@ -78,7 +78,7 @@ def test_blur_is_the_disc_of_the_farthest_background() -> None:
 def test_features_in_focus_do_not_move_and_unpinned_corners_do() -> None:
     rec = slanted_plane(LENS)
     plan = planned(rec, 1, FrameOptions(Focus(distance=7.0), 0.4, 32), SIZE)
-    moved = displaced(plan, plan.mesh.xy, plan.mesh.inverse_depth) - plan.mesh.xy
+    moved = displaced(plan.views, plan.mesh.xy, plan.mesh.inverse_depth) - plan.mesh.xy
     disc = 2 * 0.4 * 270 * np.abs(plan.mesh.inverse_depth - 1 / 7.0)
     length = np.linalg.norm(moved, axis=2).max(axis=0)
     assert np.all(length[disc < 1e-9] < 1e-9)
@@ -92,9 +92,10 @@ def test_the_thesis_pins_corners_before_registration() -> None:
     plan = planned(rec, 1, FrameOptions(Focus(points=(1, 2, 3, 4)), 0.3, 8, "thesis", 5), SIZE)
     corners = plan.mesh.xy[-4:]
     assert {tuple(c) for c in corners} == {(0, 0), (320, 0), (0, 180), (320, 180)}
-    placed = displaced(plan, corners, plan.mesh.inverse_depth[-4:])
+    placed = displaced(plan.views, corners, plan.mesh.inverse_depth[-4:])
     expected = (
-        np.einsum("nij,vj->nvi", plan.registration[:, :, :2], corners) + plan.registration[:, None, :, 2]
+        np.einsum("nij,vj->nvi", plan.views.registration[:, :, :2], corners)
+        + plan.views.registration[:, None, :, 2]
     )
     assert np.allclose(placed, expected)
 
@@ -108,14 +109,14 @@ def test_the_thesis_registration_is_the_least_squares_one() -> None:
     start, inverse = features.observed[at], features.inverse_depth[at]
 
     def error(registration: np.ndarray) -> np.ndarray:
-        other = replace(plan, registration=registration)
-        return ((displaced(other, features.projected[at], inverse) - start) ** 2).sum(axis=(1, 2))
+        other = replace(plan, views=replace(plan.views, registration=registration))
+        return ((displaced(other.views, features.projected[at], inverse) - start) ** 2).sum(axis=(1, 2))
 
-    best = error(plan.registration)
+    best = error(plan.views.registration)
     for change in ((0, 0, 2, 0.01), (1, 1, 2, 0.01), (0, 0, 0, 1e-4)):
         row, row2, column, step = change
         for sign in (1, -1):
-            other = plan.registration.copy()
+            other = plan.views.registration.copy()
             other[:, row, column] += sign * step
             if column < 2:
                 other[:, 1, 1] = other[:, 0, 0]
@@ -228,6 +229,6 @@ def test_settings_that_mean_nothing_are_refused(change: dict, message: str) -> N
 def test_an_unregistered_frame_gets_a_camera_between_its_neighbours() -> None:
     rec = slanted_plane(LENS, frames=(1, 5))
     plan = planned(rec, 3, FrameOptions(Focus(distance=8.0), 0.1, 8), SIZE)
-    assert plan.pose_interpolated and len(plan.mesh.triangles) > 50
+    assert plan.samples.pose_interpolated and len(plan.mesh.triangles) > 50
     middle, _ = rec.image_at(3)
     assert np.allclose(middle.centre, (rec.images[0].centre + rec.images[1].centre) / 2)

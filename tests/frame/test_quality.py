@@ -20,10 +20,11 @@ from addon.core.depth.stored_depth import depth_entry
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.detail import enlarged, enlarged_values
-from addon.core.frame.frame_path import Drawn, mesh_frame
+from addon.core.frame.forecast import forecast
+from addon.core.frame.frame import Frame
+from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL, QUALITIES, Quality
-from addon.core.frame.warped_frame import forecast
 from addon.core.media.light import to_linear
 from addon.render.views.average import render_frame
 
@@ -58,8 +59,8 @@ def lens(quality: Quality, views: int = 0) -> FrameOptions:
     return FrameOptions(Focus(distance=FOCUS), 0.7, views, borrow=False, quality=quality)
 
 
-def rendered(quality: Quality) -> tuple[NDArray[np.float32], Drawn]:
-    drawn: list[Drawn] = []
+def rendered(quality: Quality) -> tuple[NDArray[np.float32], Frame]:
+    drawn: list[Frame] = []
     picture = render_frame(clip(), 2, lens(quality), SIZE, lambda note: None, drawn.append)
     return picture, drawn[0]
 
@@ -68,8 +69,8 @@ def test_a_draft_is_sharp_in_focus_and_blurred_as_normal_elsewhere() -> None:
     normal, whole = rendered(NORMAL)
     draft, small = rendered(DRAFT)
     assert draft.shape == normal.shape == (90, 160, 4)
-    assert small.source.shape == (45, 80, 4) and whole.source.shape == (90, 160, 4)
-    assert len(small.warped.plan.offsets) < len(whole.warped.plan.offsets)
+    assert small.small.shape == (45, 80, 4) and whole.small.shape == (90, 160, 4)
+    assert len(small.views.offsets) < len(whole.views.offsets)
     halved = cv2.resize(cv2.resize(SOURCE, (80, 45), interpolation=cv2.INTER_AREA), SIZE)
     # Without the sharpness that is added it could not be better than a picture that was small.
     assert psnr(draft[LEFT], SOURCE[LEFT]) > psnr(halved[LEFT], SOURCE[LEFT]) + 15
@@ -119,14 +120,14 @@ def test_a_quality_multiplies_the_automatic_number_of_views_alone() -> None:
     for quality in QUALITIES.values():
         size = quality.drawn_size(SIZE)
         picture = cv2.resize(SOURCE, size)
-        assert mesh_frame(clip(), 2, lens(quality, 11), size, picture).views == 11
+        assert mesh_frame(clip(), 2, lens(quality, 11), size, picture).count == 11
 
 
 def test_other_methods_are_drawn_at_the_whole_size() -> None:
-    drawn: list[Drawn] = []
+    drawn: list[Frame] = []
     settings = FrameOptions(Focus(distance=FOCUS), 0.3, 4, "features", quality=DRAFT)
     render_frame(clip(), 2, settings, SIZE, lambda note: None, drawn.append)
-    assert drawn[0].source.shape == (90, 160, 4)
+    assert drawn[0].small.shape == (90, 160, 4)
 
 
 @pytest.mark.parametrize("quality", QUALITIES.values(), ids=QUALITIES)

@@ -16,8 +16,9 @@ from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.sparse import frame_features
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
-from addon.core.frame.warped_frame import FrameOptions, WarpedFrame
+from addon.core.frame.plan import FrameOptions
 from addon.core.media.light import to_linear
 from addon.render.views.average import draw_mean, render_frame
 from sample_scenes import cycles_views
@@ -90,7 +91,7 @@ class Stages:
     sparse: np.ndarray
     swept: np.ndarray
     fused: np.ndarray
-    warped: WarpedFrame
+    frame: Frame
     vertices: np.ndarray
     views: np.ndarray
     picture: np.ndarray
@@ -104,12 +105,12 @@ def stages(scale: float, method: str = "layers") -> Stages:
     features = frame_features(model, FRAME, Canvas(model.cameras[0]))
     swept = PlaneSweepStereo(model, clip.read).at(FRAME)
     fused = clip.stereo.at(FRAME)
-    warped = mesh_frame(clip, FRAME, settings, SIZE, to_linear(clip.read(FRAME))).through(16)
-    mesh = warped.plan.mesh
+    frame = mesh_frame(clip, FRAME, settings, SIZE, to_linear(clip.read(FRAME))).through(16)
+    mesh = frame.mesh
     return Stages(
         features.inverse_depth * scale, swept.inverse_depth * scale, fused.inverse_depth * scale,
-        warped, mesh.inverse_depth * scale,
-        draw_mean(warped),
+        frame, mesh.inverse_depth * scale,
+        draw_mean(frame),
         render_frame(clip, FRAME, settings, SIZE, lambda note: None),
     )  # fmt: skip
 
@@ -138,18 +139,17 @@ def test_depth_past_the_border_is_the_same_in_any_unit(scale: float) -> None:
 def test_layers_and_mesh_are_the_same_in_any_unit(scale: float) -> None:
     one, other = stages(1.0), stages(scale)
     # Triangles of one depth may be drawn in any order.
-    one_by_one, others = (
-        {*map(frozenset, each.warped.plan.mesh.triangles.tolist())} for each in (one, other)
-    )
+    one_by_one, others = ({*map(frozenset, each.frame.mesh.triangles.tolist())} for each in (one, other))
     assert one_by_one == others
     np.testing.assert_allclose(other.vertices, one.vertices, rtol=KEPT)
-    assert psnr(one.warped.texture, other.warped.texture) > EQUAL
+    for mine, theirs in zip(one.frame.layers, other.frame.layers, strict=True):
+        assert psnr(mine.picture, theirs.picture) > EQUAL
 
 
 @pytest.mark.parametrize("scale", SCALES)
 def test_pictures_are_the_same_in_any_unit(scale: float) -> None:
     one, other = stages(1.0), stages(scale)
-    discs = [each.warped.plan.lens.largest_disc(each.warped.plan.mesh.inverse_depth) for each in (one, other)]
+    discs = [each.frame.lens.largest_disc(each.frame.mesh.inverse_depth) for each in (one, other)]
     assert discs[1] == pytest.approx(discs[0], rel=KEPT)
     assert psnr(one.views, other.views) > EQUAL
     assert psnr(one.picture, other.picture) > EQUAL
@@ -158,7 +158,7 @@ def test_pictures_are_the_same_in_any_unit(scale: float) -> None:
 @pytest.mark.parametrize("scale", [1e-9, 1e9])
 def test_views_by_cycles_are_the_same_in_any_unit(scale: float) -> None:
     one, other = (
-        cycles_views.mean_of_views(each.warped.plan, each.warped.texture)
+        cycles_views.mean_of_views(each.frame.views, each.frame.layers)
         for each in (stages(1.0), stages(scale))
     )
     assert psnr(one, other) > EQUAL

@@ -77,18 +77,18 @@ def test_layers_of_a_zone_are_drawn_like_one_surface() -> None:
     picture[..., 3] = 1
     clip = ClipContext(reconstruction(), lambda frame: np.zeros((90, 160, 3), np.uint8), Steps())
     options = FrameOptions(Focus(distance=4.0), RADIUS, zone_front=0.25, zone_behind=0.5, borrow=False)
-    warped = mesh_frame(clip, 1, options, (160, 90), picture).through(16)
-    plan = warped.plan
-    moved = displaced(plan, plan.mesh.xy, plan.mesh.inverse_depth) - plan.mesh.xy
+    frame = mesh_frame(clip, 1, options, (160, 90), picture).through(16)
+    mesh = frame.mesh
+    moved = displaced(frame.views, mesh.xy, mesh.inverse_depth) - mesh.xy
     size = np.linalg.norm(moved, axis=-1).max(axis=0)
     # The far surface goes on behind the silhouette at 110.
-    inside = (plan.mesh.xy[:, 0] > 4) & (plan.mesh.xy[:, 0] < 80)
+    inside = (mesh.xy[:, 0] > 4) & (mesh.xy[:, 0] < 80)
     assert size[inside].max() < 0.01
     # A lens focused at 6, the end of the zone, moves the last step as far.
-    reach = np.linalg.norm(plan.offsets, axis=1).max()
+    reach = np.linalg.norm(frame.views.offsets, axis=1).max()
     expected = reach * PINHOLE.fx * (1 / 6 - 1 / 12)
-    assert size[plan.mesh.xy[:, 0] > 120].max() == pytest.approx(expected, rel=0.01)
-    shown = in_focus(warped)
+    assert size[mesh.xy[:, 0] > 120].max() == pytest.approx(expected, rel=0.01)
+    shown = in_focus(frame)
     assert shown[:, 4:100].min() == 1 and shown[:, 120:].max() == 0
 
 

@@ -18,11 +18,11 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.highlights import RESTORED, HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, NORMAL, Quality
-from addon.core.frame.warped_frame import MeshedFrame
 from addon.core.media.light import encode_srgb
 from addon.core.media.picture_file import read_picture
 from addon.core.optics.aberrations import Aberrations
@@ -144,7 +144,7 @@ def source(lamps: float) -> LinearRGBA:
 
 def meshed(
     aperture: Aperture, distance: float, focus: float, highlights: HighlightSettings, lamps: float
-) -> MeshedFrame:
+) -> Frame:
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Plane(distance))
     lens = FrameOptions(Focus(distance=focus), RADIUS, borrow=False, aperture=aperture, highlights=highlights)
     return mesh_frame(clip, 2, lens, SIZE, source(lamps))
@@ -189,9 +189,9 @@ def test_views_are_shifted_as_traced_rays(name: str, distance: float) -> None:
     aperture, shift, passes = EFFECTS[name]
     true = traced(shift, passes, distance, FOCUS, 0.0)
     frame = meshed(aperture, distance, FOCUS, BY_VIEWS, 0.0)
-    mean = draw_mean(frame.through(frame.views))
+    mean = draw_mean(frame.through())
     off = meshed(Aperture(), distance, FOCUS, BY_VIEWS, 0.0)
-    without = error(draw_mean(off.through(off.views)), true)
+    without = error(draw_mean(off.through()), true)
     print(f"{frame.views} views: {error(mean, true):.1f} dB; without it {without:.1f}")
     assert error(mean, true) > 45
     assert without < error(mean, true) - 6 or (shift is straight and distance == FOCUS)
@@ -291,13 +291,13 @@ def test_breathing_enlarges_the_picture_and_fills_its_border(
 def test_without_effects_nothing_is_shifted_to_the_bit() -> None:
     frame = meshed(Aperture(), FAR, FOCUS, RESTORED, 60.0)
     plain = frame.through(16)
-    assert frame.geometry.lens == frame.geometry.lens.curved(0.0) and frame.geometry.steadied is None
+    assert frame.lens == frame.lens.curved(0.0) and frame.steadied is None
     displacement = np.ones(SIZE[::-1], np.float32)
-    assert plain.plan.discs(displacement) is displacement
+    assert plain.views.discs(displacement) is displacement
     # So small that shaders compute them and add nothing.
-    tiny = replace(plain.plan, aberrations=Aberrations(1e-30, 1e-30, 1e-30))
-    assert bend_rows(tiny)[:, 2:].all() and not bend_rows(plain.plan)[:, 2:].any()
-    drawn = [draw_mean(replace(plain, plan=each, highlight_discs=None)) for each in (plain.plan, tiny)]
+    tiny = replace(plain.views, aberrations=Aberrations(1e-30, 1e-30, 1e-30))
+    assert bend_rows(tiny)[:, 2:].all() and not bend_rows(plain.views)[:, 2:].any()
+    drawn = [draw_mean(replace(plain, views=each, highlight_discs=None)) for each in (plain.views, tiny)]
     np.testing.assert_array_equal(*drawn)
 
 

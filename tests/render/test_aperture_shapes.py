@@ -15,10 +15,10 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.highlights import RESTORED, HighlightSettings
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import MeshedFrame
 from addon.core.media.light import encode_srgb
 from addon.core.optics.aperture import Aperture, ApertureImage
 from addon.core.optics.aperture_sampling import exact_registration
@@ -95,7 +95,7 @@ def meshed(
     focus: float,
     highlights: HighlightSettings = RESTORED,
     picture: LinearRGBA | None = None,
-) -> MeshedFrame:
+) -> Frame:
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Plane(distance))
     radius = SIDE / (2 * LENS.fx * abs(1 / distance - 1 / focus))
     lens = FrameOptions(Focus(distance=focus), radius, borrow=False, aperture=shape, highlights=highlights)
@@ -176,13 +176,13 @@ def test_red_and_blue_are_as_a_lens_focused_farther_away_draws_them(focus: float
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Step())
     settings = FrameOptions(Focus(distance=focus), 0.5, borrow=False, aperture=shape, highlights=BY_VIEWS)
     warped = mesh_frame(clip, 2, settings, SIZE, source()).through(48)
-    plan = replace(warped.plan, axial_colour=0.0)
+    plan = replace(warped.views, axial_colour=0.0)
     farther = (1 - axial) * plan.lens.focus
     apart = replace(
         plan, lens=replace(plan.lens, focus=farther),
         registration=exact_registration(plan.canvas, plan.offsets, farther),
     )  # fmt: skip
-    mean, green, others = (draw_mean(replace(warped, plan=each)) for each in (warped.plan, plan, apart))
+    mean, green, others = (draw_mean(replace(warped, views=each)) for each in (warped.views, plan, apart))
     np.testing.assert_array_equal(mean[..., [1, 3]], green[..., [1, 3]])
     red_and_blue = [0, 2, 2]
     print(f"{error(mean[..., red_and_blue], others[..., red_and_blue]):.1f} dB")
@@ -212,10 +212,10 @@ def test_discs_before_the_focus_have_magenta_rims_and_those_behind_it_green_ones
 def test_cycles_draws_the_same_shapes() -> None:
     shape = Aperture(blades=3, apodisation=0.5, vignetting=0.8)
     warped = meshed(shape, FAR, NEAR, BY_VIEWS).through(8)
-    by_cycles = cycles_views.mean_of_views(warped.plan, warped.texture)
+    by_cycles = cycles_views.mean_of_views(warped.views, warped.layers)
     if gpu_problem():
         pytest.skip("only CI is sure to have a GPU driver to compare Cycles with")
     from addon.render.views import gpu_views
 
-    by_gpu = gpu_views.mean_of_views(warped.plan, warped.texture)
+    by_gpu = gpu_views.mean_of_views(warped.views, warped.layers)
     assert error(by_cycles, by_gpu) > 45

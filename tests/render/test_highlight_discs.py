@@ -15,10 +15,10 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.highlights import RESTORED, HighlightSettings
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.media.light import encode_srgb
 from addon.core.warp.layered_mesh import FINER
 from addon.render.views.average import draw_mean
@@ -65,7 +65,7 @@ def source(near: Mask) -> LinearRGBA:
     return picture
 
 
-def meshed(near: float, focus: float, highlights: HighlightSettings = RESTORED) -> MeshedFrame:
+def meshed(near: float, focus: float, highlights: HighlightSettings = RESTORED) -> Frame:
     step = Step(near)
     radius = DISC / (2 * LENS.fx * abs(1 / FAR - 1 / focus))
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), step)
@@ -73,19 +73,20 @@ def meshed(near: float, focus: float, highlights: HighlightSettings = RESTORED) 
     return mesh_frame(clip, 2, lens, SIZE, source(step.near))
 
 
-def on_the_wall(warped: WarpedFrame) -> WarpedFrame:
+def on_the_wall(warped: Frame) -> Frame:
     """The frame with its highlights on the farthest surface of its texture: whole behind what is before it,
     and none made up there."""
-    parts = warped.texture.copy().reshape(len(warped.layers) + 1, -1, warped.texture.shape[1], 4)
-    height, width = warped.layers[0].is_far.shape
+    *fronts, last = warped.layers
+    height, width = last.disparity.shape
     light = np.where(Step(1.0).near[..., None], 0, highlights())
     row, column = (height - SIZE[1]) // 2, (width - SIZE[0]) // 2
     wide = cv2.copyMakeBorder(light, row, row, column, column, cv2.BORDER_CONSTANT)
     # A texel in two is a pixel, what is between them is linear.
     finer = np.diag([1 / FINER, 1 / FINER, 1])[:2]
     size = FINER * width, FINER * height
-    parts[-1, ..., :3] += cv2.warpAffine(wide, finer, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
-    return replace(warped, texture=parts.reshape(warped.texture.shape), highlight_discs=None)
+    picture = last.picture.copy()
+    picture[..., :3] += cv2.warpAffine(wide, finer, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+    return replace(warped, layers=(*fronts, replace(last, picture=picture)), highlight_discs=None)
 
 
 @needs_gpu

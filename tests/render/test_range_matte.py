@@ -64,7 +64,7 @@ def drawn(wanted: Range, focus: float, **options: object) -> Map:
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Ball())
     radius = DISC / (2 * LENS.fx * (1 / NEAR - 1 / FAR))
     lens = FrameOptions(Focus(distance=focus), radius, borrow=False, **options)
-    return draw_matte(mesh_frame(clip, 2, lens, SIZE, to_linear(texture(*SIZE))).warped, wanted)
+    return draw_matte(mesh_frame(clip, 2, lens, SIZE, to_linear(texture(*SIZE))).through(), wanted)
 
 
 @needs_gpu
@@ -98,7 +98,7 @@ def test_distances_are_those_of_the_scene(options: dict[str, float]) -> None:
     swing = options.pop("swing", 0.0)
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Ball())
     lens = FrameOptions(Focus(distance=6.0, swing=swing), 0.01, borrow=False, **options)
-    warped = mesh_frame(clip, 2, lens, SIZE, to_linear(texture(*SIZE))).warped
+    warped = mesh_frame(clip, 2, lens, SIZE, to_linear(texture(*SIZE))).through()
     assert np.mean(np.abs(draw_matte(warped, Range(3.0, 5.0, 0.0)) - mask()) > 0.5) < 0.005
     assert np.mean(np.abs(draw_matte(warped, Range(7.5, 8.5, 0.0)) + mask() - 1) > 0.5) < 0.005
 

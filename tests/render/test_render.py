@@ -15,7 +15,8 @@ from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
-from addon.core.frame.plan import FrameOptions, FramePlan
+from addon.core.frame.frame import Frame
+from addon.core.frame.plan import FrameOptions
 from addon.core.media.light import to_linear
 from addon.core.optics.aperture import Aperture
 from addon.render import engine
@@ -24,7 +25,7 @@ from addon.scene.build import build
 from addon.scene.focus.focus_marks import set_focus
 from sample_scenes import cycles_views
 
-from ..scenes import planned, psnr, slanted_plane, slanted_shot, texture
+from ..scenes import painted, planned, psnr, slanted_plane, slanted_shot, texture
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 needs_gpu = pytest.mark.skipif(
@@ -37,12 +38,12 @@ def test_ci_draws_with_the_gpu_module() -> None:
     assert gpu_views.gpu_problem() == ""
 
 
-def canvas_picture(plan: FramePlan) -> np.ndarray:
+def canvas_picture(plan: Frame) -> np.ndarray:
     return plan.canvas.from_source(to_linear(texture(plan.canvas.camera.width, plan.canvas.camera.height)))
 
 
 def thin_lens(
-    plan: FramePlan,
+    plan: Frame,
     picture: np.ndarray,
     radius: float,
     folder: Path,
@@ -93,7 +94,7 @@ def test_the_mean_of_views_is_cycles_thin_lens(
     disc = plan.lens.largest_disc(plan.mesh.inverse_depth)
     assert disc > 8
     picture = canvas_picture(plan)
-    ours = gpu_views.mean_of_views(plan, picture)
+    ours = gpu_views.mean_of_views(*painted(plan, picture))
     reference = thin_lens(plan, picture, radius, tmp_path, samples=1024)
     score = psnr(ours[..., :3], reference[..., :3])
     sharp = psnr(picture[..., :3], reference[..., :3])
@@ -126,7 +127,7 @@ def test_shapes_of_the_aperture_are_those_of_cycles(
     picture = canvas_picture(plan) / 2
     for row, column in ((30, 40), (60, 70), (30, 100), (60, 130)):
         picture[row : row + 4, column : column + 4, :3] += 2.0
-    ours = gpu_views.mean_of_views(plan, picture)
+    ours = gpu_views.mean_of_views(*painted(plan, picture))
     same = thin_lens(plan, picture, radius, tmp_path, samples=512, shape=shape)
     if radius not in ROUND:
         ROUND[radius] = thin_lens(plan, picture, radius, tmp_path, samples=512)
@@ -145,8 +146,8 @@ def test_cycles_draws_the_same_views(scene: bpy.types.Scene, method: str) -> Non
     rec = slanted_plane(LENS)
     plan = planned(rec, 1, FrameOptions(Focus(points=(3, 9, 30, 60)), 0.4, 6, method), (160, 90))
     picture = canvas_picture(plan)
-    ours = gpu_views.mean_of_views(plan, picture)
-    theirs = cycles_views.mean_of_views(plan, picture)
+    ours = gpu_views.mean_of_views(*painted(plan, picture))
+    theirs = cycles_views.mean_of_views(*painted(plan, picture))
     # Rasterisers disagree about pixels that an edge of the mesh cuts; the thesis's border is such an edge.
     most = np.quantile(np.abs(ours - theirs), 0.98)
     print(f"GPU against Cycles, {method}: 98 % of the values within {most:.1e}")
@@ -163,7 +164,7 @@ def test_cancel_ends_drawing(scene: bpy.types.Scene) -> None:
             raise Cancelled
 
     with reporting(stop), pytest.raises(Cancelled):
-        gpu_views.mean_of_views(plan, picture)
+        gpu_views.mean_of_views(*painted(plan, picture))
 
 
 @needs_gpu
@@ -172,7 +173,7 @@ def test_a_tiny_aperture_gives_the_source_and_the_border_is_covered(scene: bpy.t
     for radius, limit in ((1e-9, 1e-3), (0.5, None)):
         plan = planned(rec, 1, FrameOptions(Focus(distance=8.0), radius, 32), (160, 90))
         picture = canvas_picture(plan)
-        mean = gpu_views.mean_of_views(plan, picture)
+        mean = gpu_views.mean_of_views(*painted(plan, picture))
         assert mean[..., 3].min() > 0.9999
         if limit:
             assert np.abs(mean - picture).max() < limit
@@ -185,7 +186,7 @@ def test_many_views_are_summed_not_overwritten(scene: bpy.types.Scene) -> None:
     plan = planned(rec, 1, FrameOptions(Focus(distance=4.0), 0.3, 64), (160, 90))
     ramp = np.ones((90, 160, 4), np.float32)
     ramp[..., :3] = np.linspace(0, 1, 160, dtype=np.float32)[None, :, None]
-    mean = gpu_views.mean_of_views(plan, ramp)
+    mean = gpu_views.mean_of_views(*painted(plan, ramp))
     assert np.abs(mean - ramp)[20:-20, 20:-20].max() < 1e-3
 
 
@@ -295,7 +296,7 @@ def test_a_blank_drawing_is_an_error(scene: bpy.types.Scene, monkeypatch: pytest
         broken = np.full((90, 160, 4), value, np.float32)
         monkeypatch.setattr(gpu_views, "draw", lambda steps, total, broken=broken: broken)
         with pytest.raises(UserError, match="empty or broken picture"):
-            gpu_views.mean_of_views(plan, picture)
+            gpu_views.mean_of_views(*painted(plan, picture))
 
 
 def test_a_render_says_which_frame_it_is_at(scene: bpy.types.Scene) -> None:

@@ -13,11 +13,10 @@ from addon.core.base.arrays import Floats, LinearRGBA
 from addon.core.camera.reconstruction import Image, Intrinsics, Reconstruction, rotation_matrix
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.frame_path import Drawn
+from addon.core.frame.frame import Frame
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.steadied import Steadied
-from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.clip import open_footage
 from addon.core.media.light import to_linear
 from addon.core.optics.zone import NO_ZONE, InFocusZone
@@ -50,17 +49,17 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> ClipContext:
     return ClipContext(plane, open_footage(folder).read)
 
 
-def drawn(clip: ClipContext, radius: float) -> tuple[LinearRGBA, WarpedFrame]:
+def drawn(clip: ClipContext, radius: float) -> tuple[LinearRGBA, Frame]:
     options = FrameOptions(
         Focus(distance=7.0), radius, views=32, method="features", stabilize=1.0,
         highlights=HighlightSettings(0.0),
     )  # fmt: skip
-    found: list[Drawn] = []
+    found: list[Frame] = []
     picture = render_frame(clip, FRAME, options, SIZE, lambda note: None, found.append)
-    return picture, found[0].warped
+    return picture, found[0]
 
 
-def traced(clip: ClipContext, warped: WarpedFrame) -> LinearRGBA:
+def traced(clip: ClipContext, warped: Frame) -> LinearRGBA:
     """The mean over the views' places on the aperture of what rays through the focal plane meet."""
     steady = warped.steadied
     assert steady is not None
@@ -68,14 +67,14 @@ def traced(clip: ClipContext, warped: WarpedFrame) -> LinearRGBA:
     picture, path = to_linear(clip.read(FRAME)), clip.steady_path(1.0)
     rotation, centre = path.rotations[FRAME - 1], path.centres[FRAME - 1]
     own = np.linalg.lstsq(clip.reconstruction.points.xyz, np.ones(150), rcond=None)[0]
-    camera = warped.plan.canvas.pinhole
+    camera = warped.views.canvas.pinhole
     x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)
     ray = np.dstack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)]) @ rotation
     # In focus is the plane that the frame's own camera has 7 units ahead.
     at = (7.0 - image.translation[2] - image.rotation[2] @ centre) / (ray @ image.rotation[2])
     in_focus = centre + at[..., None] * ray
     total = np.zeros((SIZE[1], SIZE[0], 4), np.float32)
-    places = warped.plan.lens.aperture_positions(warped.plan.offsets)
+    places = warped.views.lens.aperture_positions(warped.views.offsets)
     for place in places:
         begin = centre + place @ rotation[:2]
         way = in_focus - begin
@@ -112,9 +111,9 @@ def test_past_the_border_is_what_other_frames_saw(shaky: ClipContext, borrow: bo
     )  # fmt: skip
     path = shaky.steady_path(1.0, True)
     assert path.zoom == 1.0 < shaky.steady_path(1.0).zoom
-    found: list[Drawn] = []
+    found: list[Frame] = []
     picture = render_frame(shaky, FRAME, options, SIZE, lambda note: None, found.append)[..., :3]
-    steady = found[0].warped.steadied
+    steady = found[0].steadied
     assert steady is not None
     missing = steady.beyond(np.array([1 / 12, 1 / 5]))
     assert 3 < missing < 20
@@ -140,5 +139,5 @@ def test_places_move_as_the_cameras_do(clip: ClipContext, zone: InFocusZone) -> 
     inverse = steady.own_lens.rectified(1 / local[:, 2], LENS.project(local))
     place, there = steady.moved(LENS.project(local), inverse)
     seen = (world - path.centres[FRAME - 1]) @ path.rotations[FRAME - 1].T
-    assert np.allclose(place, warped.plan.canvas.pinhole.project(seen), atol=1e-9)
+    assert np.allclose(place, warped.views.canvas.pinhole.project(seen), atol=1e-9)
     assert np.allclose(steady.lens.unrectified(there, place), 1 / seen[:, 2], atol=1e-10)

@@ -17,10 +17,10 @@ from addon.core.depth.source import PixelDepth
 from addon.core.depth.sparse import FrameFeatures, frame_features
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.inspection import blur_discs
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.warped_frame import MeshedFrame
 from addon.core.media.light import encode_srgb
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.render.views.average import draw_mean
@@ -164,7 +164,7 @@ def reconstruction() -> Reconstruction:
     )
 
 
-def meshed(focus: Focus, method: str = "layers", has_card: bool = True) -> MeshedFrame:
+def meshed(focus: Focus, method: str = "layers", has_card: bool = True) -> Frame:
     clip = ClipContext(reconstruction(), lambda frame: np.zeros((*SIZE[::-1], 3), np.uint8), Truth(has_card))
     return mesh_frame(clip, 1, FrameOptions(focus, RADIUS, 0, method, borrow=False), SIZE, source(has_card))
 
@@ -178,7 +178,7 @@ def error(mean: Map, true: Map) -> float:
 @pytest.mark.parametrize("focus", [TILTED, THROUGH], ids=["angles", "points"])
 @pytest.mark.parametrize("method", ["layers", "features"])
 def test_views_are_where_the_planes_homography_takes_them(focus: Focus, method: str) -> None:
-    plan = meshed(focus, method).through(12).plan
+    plan = meshed(focus, method).through(12).views
     rng = np.random.default_rng(0)
     pixels = rng.uniform([0, 0], SIZE, (50, 2))
     inverse = rng.uniform(0, 0.3, 50)
@@ -221,7 +221,7 @@ def test_what_is_in_the_tilted_plane_stays_sharp() -> None:
 
 def test_cycles_draws_what_the_gpu_does() -> None:
     warped = meshed(TILTED).through(5)
-    found = cycles_views.mean_of_views(warped.plan, warped.texture)
+    found = cycles_views.mean_of_views(warped.views, warped.layers)
     if not gpu_problem():
         assert error(found, draw_mean(warped)) > 35
     assert error(found, source()) < 30

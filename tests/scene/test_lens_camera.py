@@ -13,7 +13,8 @@ import pytest
 from addon.core.base.arrays import LinearRGBA, in_channels
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
-from addon.core.frame.plan import FrameOptions, FramePlan
+from addon.core.frame.frame import Frame
+from addon.core.frame.plan import FrameOptions
 from addon.core.frame.vignetting import light_left
 from addon.core.media.light import to_linear
 from addon.core.optics.aperture import Aperture
@@ -24,7 +25,7 @@ from addon.scene.lens import lens_camera
 from addon.scene.lens.lens_camera import osl_problem
 from sample_scenes import cycles_views
 
-from ..scenes import planned, psnr, slanted_plane, slanted_shot, texture
+from ..scenes import painted, planned, psnr, slanted_plane, slanted_shot, texture
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 84.0, 41.0)
 RADIUS, FOCUS = 0.6, 6.0
@@ -42,7 +43,7 @@ def settings(scene: bpy.types.Scene, tmp_path: Path) -> bpy.types.PropertyGroup:
 
 
 def drawn_by_cycles(
-    scene: bpy.types.Scene, camera: bpy.types.Object, plan: FramePlan, picture: LinearRGBA, folder: Path
+    scene: bpy.types.Scene, camera: bpy.types.Object, plan: Frame, picture: LinearRGBA, folder: Path
 ) -> LinearRGBA:
     """(h, w, 4) the warp mesh of a plan as Cycles sees it through the camera."""
     pinhole, mesh = plan.canvas.pinhole, plan.mesh
@@ -93,15 +94,15 @@ def test_cycles_sees_through_our_lens(
     picture = plan.canvas.from_source(to_linear(texture(160, 90))) / 2
     for row, column in ((20, 30), (20, 130), (60, 30), (70, 120)):
         picture[row : row + 4, column : column + 4, :3] += 2.0
-    ours = gpu_views.mean_of_views(plan, picture)
-    ours = ours / in_channels(light_left(plan), 4) if shape.vignetting else ours
+    ours = gpu_views.mean_of_views(*painted(plan, picture))
+    ours = ours / in_channels(light_left(plan.views), 4) if shape.vignetting else ours
     camera = next(thing for thing in scene.objects if thing.get(lens_camera.NAME))
     theirs = drawn_by_cycles(scene, camera, plan, picture, tmp_path)
     if (shape, swing) == (ROUND, 0.0):
         plain = drawn_by_cycles(scene, settings.camera, plan, picture, tmp_path)
     else:
         disc = replace(options, focus=Focus(distance=FOCUS), aperture=ROUND)
-        plain = gpu_views.mean_of_views(planned(plane, 2, disc, (160, 90)), picture)
+        plain = gpu_views.mean_of_views(*painted(planned(plane, 2, disc, (160, 90)), picture))
     seen = [np.clip(each[12:-12, 12:-12, :3], 0, 1) for each in (theirs, ours, plain)]
     score, other = psnr(*seen[:2]), psnr(seen[0], seen[2])
     print(f"our views against Cycles' custom camera: {score:.1f} dB, of another lens {other:.1f} dB")

@@ -238,7 +238,9 @@ def test_behind_who_walks_is_what_other_frames_saw(tmp_path: Path, pan: float) -
     # A pan resamples a texture that is as fine as pixels.
     assert np.median(off) < (0.01 if pan == 0 else 0.08)
     lens = FrameOptions(Focus(distance=10.0), RADIUS, 64, highlights=HighlightSettings(gain=0))
-    ours = canvas.to_source(draw_mean(mesh_frame(context, frame, lens, planes.SIZE, picture).warped))[..., :3]
+    ours = canvas.to_source(draw_mean(mesh_frame(context, frame, lens, planes.SIZE, picture).through()))[
+        ..., :3
+    ]
     real = made.through_lens(frame, RADIUS, 10.0)
     largest = RADIUS * planes.FOCAL * (1 / WALKER - 1 / 10)
     node = defocus(picture[..., :3], made.depth[frame - 1], planes.FOCAL, RADIUS, 10.0, largest)

@@ -92,9 +92,7 @@ def test_a_repair_is_in_the_picture_its_key_and_the_file(
     OPERATORS.paint_repair(places="0.5,0.5")
     after = frame_options(settings, shot.reconstruction)
     source = to_linear(shot.clip.read(2))
-    depths = [
-        mesh_frame(shot.context, 2, options, (160, 90), source).geometry.depth for options in (before, after)
-    ]
+    depths = [mesh_frame(shot.context, 2, options, (160, 90), source).depth for options in (before, after)]
     assert depths[0] is not None and depths[1] is not None
     nearer = depths[1].inverse_depth / depths[0].inverse_depth
     assert nearer[45, 80] == pytest.approx(1.25, rel=1e-3) and nearer[5, 5] == 1
@@ -134,8 +132,7 @@ def test_a_repair_is_carried_through_a_clip_but_not_to_other_photos(tmp_path: Pa
     for frame, is_changed in ((2, True), (3, is_ordered)):
         source = to_linear(shot.clip.read(frame))
         one, other = (
-            mesh_frame(context, frame, options, (160, 90), source).geometry.depth
-            for options in (plain, mended)
+            mesh_frame(context, frame, options, (160, 90), source).depth for options in (plain, mended)
         )
         assert one is not None and other is not None
         assert bool((one.inverse_depth != other.inverse_depth).any()) == is_changed

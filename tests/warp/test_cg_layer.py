@@ -9,9 +9,10 @@ import pytest
 
 from addon.core.base.arrays import Floats, Map
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.frame.cg_layers import CGObjects, CGSurface, joined
+from addon.core.frame.cg_layers import CGObjects
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.cg_layer import STEP, CGLayer
+from addon.core.warp.layer import Layer, atlas, joined
 from addon.core.warp.mesh import WarpMesh
 
 PINHOLE = Intrinsics(64, 48, 100.0, 100.0, 32.0, 24.0)
@@ -56,7 +57,8 @@ def test_half_covered_pixels_are_as_far_as_the_covered_ones_beside() -> None:
 def test_no_light_is_lost_in_its_blur_and_triangles_cover_all_of_it() -> None:
     lens = ThinLens(PINHOLE, 0.2, FOCUS)
     made = layer()
-    mesh, texture = made.surface(lens, 9, 1.0)
+    drawn = made.layer(lens, 9, 1.0)
+    mesh, texture = drawn.mesh, drawn.picture
     assert texture.sum(axis=(0, 1)) == pytest.approx(made.picture.sum(axis=(0, 1)), rel=2e-3)
     # The radius is R f (1 / 2 - 1 / 4) = 5 pixels, a third of it is blurred before: so far past the edges.
     assert made.largest_disc(lens) == pytest.approx(10.0)
@@ -72,7 +74,8 @@ def test_no_light_is_lost_in_its_blur_and_triangles_cover_all_of_it() -> None:
 
 def test_in_focus_it_is_as_cycles_drew_it() -> None:
     made = layer(FOCUS)
-    mesh, texture = made.surface(ThinLens(PINHOLE, 0.2, FOCUS), 9, 1.0)
+    drawn = made.layer(ThinLens(PINHOLE, 0.2, FOCUS), 9, 1.0)
+    mesh, texture = drawn.mesh, drawn.picture
     place = np.round(mesh.texture_xy[0] - mesh.xy[0]).astype(int) + made.corner
     rows, columns = slice(place[1], place[1] + 10), slice(place[0], place[0] + 15)
     assert np.array_equal(texture[rows, columns], made.picture)
@@ -86,7 +89,8 @@ def test_aberrations_widen_its_blur_by_place() -> None:
         return 2 * displacement
 
     lens, wider = (ThinLens(PINHOLE, radius, FOCUS) for radius in (0.2, 0.4))
-    np.testing.assert_array_equal(made.surface(lens, 9, 1.0, twice)[1], made.surface(wider, 9, 1.0)[1])
+    found, expected = made.layer(lens, 9, 1.0, twice), made.layer(wider, 9, 1.0)
+    np.testing.assert_array_equal(found.picture, expected.picture)
     assert np.array_equal(seen[0], np.array(made.corner) + 0.5) and (seen[1] < seen[0]).all()
 
 
@@ -109,16 +113,17 @@ def test_triangles_are_joined_from_far_to_near_after_the_opaque_ones() -> None:
     plate = WarpMesh(xy, xy, np.array([0.9] * 3 + [0.3] * 3), np.array([[0, 1, 2], [3, 4, 5]], np.int32))
     made = [layer(inverse) for inverse in (0.5, 0.2)]
     lens = ThinLens(PINHOLE, 0.01, FOCUS)
-    surfaces = [CGSurface(each, *each.surface(lens, 9, 1.0)) for each in made]
-    mesh, texture = joined(plate, np.ones((4, 4, 4), np.float32), 1, surfaces)
-    # The first one stays, though it is nearest; the rest is far to near.
-    assert mesh.triangles[0].tolist() == [0, 1, 2]
-    assert (np.diff(mesh.inverse_depth[mesh.triangles[1:]].min(axis=1)) >= 0).all()
-    # Each is painted with its own: below the clip's rows, in the order of the surfaces.
-    heights = [4, *(each.texture.shape[0] for each in surfaces)]
+    clip = Layer(plate, np.ones((4, 4, 4), np.float32))
+    layers = [clip, *(each.layer(lens, 9, 1.0) for each in made)]
+    mesh, texture = joined(layers), atlas(layers)
+    # The opaque ones stay as they are; the rest is far to near.
+    assert mesh.triangles[:2].tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert (np.diff(mesh.inverse_depth[mesh.triangles[2:]].min(axis=1)) >= 0).all()
+    # Each is painted with its own: below the clip's rows, in the order of the layers.
+    heights = [each.picture.shape[0] for each in layers]
     assert texture.shape[0] == sum(heights)
     first = len(plate.xy)
-    rows = mesh.texture_xy[first : first + len(surfaces[0].mesh.xy), 1]
+    rows = mesh.texture_xy[first : first + len(layers[1].mesh.xy), 1]
     assert rows.min() > heights[0] and rows.max() < heights[0] + heights[1]
 
 
@@ -126,9 +131,8 @@ def test_a_mesh_that_looks_past_its_texture_sees_it_mirrored() -> None:
     xy = np.array([[-2.0, -2.0], [6.0, -2.0], [-2.0, 6.0]])
     plate = WarpMesh(xy, xy, np.full(3, 0.1), np.array([[0, 1, 2]], np.int32))
     texture = np.arange(64, dtype=np.float32).reshape(4, 4, 4)
-    made = layer()
-    surface = CGSurface(made, *made.surface(ThinLens(PINHOLE, 0.01, FOCUS), 9, 1.0))
-    mesh, both = joined(plate, texture, 1, [surface])
+    layers = [Layer(plate, texture), layer().layer(ThinLens(PINHOLE, 0.01, FOCUS), 9, 1.0)]
+    mesh, both = joined(layers), atlas(layers)
     shift = mesh.texture_xy[0] - xy[0]
     assert (mesh.texture_xy[:3] >= 0).all()
     left, top = shift.astype(int)

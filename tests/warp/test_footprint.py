@@ -14,7 +14,7 @@ from addon.core.depth.source import PixelDepth
 from addon.core.optics.aperture_sampling import centroidal_disc, vogel_disc
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.footprint import LEVELS, Level, disc_kernel, prefilter
-from addon.core.warp.layered_depth_image import LayeredDepthImage
+from addon.core.warp.layer import OWN, Layer
 from addon.core.warp.layered_mesh import FINER, layer_mesh
 
 SIZE = (120, 160)
@@ -32,21 +32,14 @@ def picture(near: Floats | float = 0.8, far: Floats | float = 0.2) -> LinearRGBA
     return np.dstack([grey, grey, grey, np.ones(SIZE)]).astype(np.float32)
 
 
-def meshed(shown: LinearRGBA, focus: float = FAR) -> tuple[LinearRGBA, tuple[LayeredDepthImage, ...]]:
-    """Texture and layers."""
-    _, texture, layers = layer_mesh(shown, PixelDepth(DISPARITY / 150), replace(LENS, focus=focus / 150))
-    return texture, layers
-
-
 def blurred(
     shown: LinearRGBA, radius: Callable[[Floats], Floats], focus: float = FAR
-) -> tuple[LinearRGBA, LinearRGBA, tuple[LayeredDepthImage, ...]]:
-    """Parts of the texture (n, h, w, 4) before and after, and the layers."""
-    texture, layers = meshed(shown, focus)
-    before = texture.copy()
-    prefilter(texture, layers, radius)
-    shape = len(layers) + 1, -1, texture.shape[1], 4
-    return before.reshape(shape), texture.reshape(shape), layers
+) -> tuple[LinearRGBA, LinearRGBA, tuple[Layer, ...]]:
+    """Pictures of the layers (n, h, w, 4) before and after, and the layers."""
+    layers = layer_mesh(shown, PixelDepth(DISPARITY / 150), replace(LENS, focus=focus / 150))
+    before = np.stack([each.picture for each in layers])
+    prefilter(layers, radius)
+    return before, np.stack([each.picture for each in layers]), layers
 
 
 def test_disc_kernels_have_the_variance_of_a_disc() -> None:
@@ -66,10 +59,10 @@ def test_lamps_become_their_footprint_and_keep_their_energy(level: Level) -> Non
         shown = np.zeros((*SIZE, 4), np.float32)
         shown[..., 3] = 1
         shown[60 + shift, 80 + shift, :3] = 1000
-        _, texture, layers = layer_mesh(shown, PixelDepth(np.full(SIZE, FAR / 150)), LENS)
-        before = texture[texture.shape[0] // 2 :, :, 0].astype(np.float64)
-        prefilter(texture, layers, lambda disparity: np.full(disparity.shape, radius))
-        after = texture[texture.shape[0] // 2 :, :, 0].astype(np.float64)
+        layers = layer_mesh(shown, PixelDepth(np.full(SIZE, FAR / 150)), LENS)
+        before = layers[-1].picture[..., 0].astype(np.float64)
+        prefilter(layers, lambda disparity: np.full(disparity.shape, radius))
+        after = layers[-1].picture[..., 0].astype(np.float64)
         assert after.sum() == pytest.approx(before.sum(), rel=2e-3)
         grown.append(variance(after) - variance(before))
     np.testing.assert_allclose(np.mean(grown) / FINER**2, radius**2 / 4, rtol=0.05)
@@ -94,7 +87,7 @@ def test_one_colour_stays_one_colour() -> None:
 def test_what_is_in_focus_is_untouched() -> None:
     grain = np.random.default_rng(0).random(SIZE)
     before, after, layers = blurred(picture(grain, grain), lambda d: np.where(d > 6 - NEAR, 0.0, 4.0), NEAR)
-    near = np.repeat(np.repeat(layers[0].front_disparity > 6 - NEAR, FINER, 0), FINER, 1)
+    near = np.repeat(np.repeat(layers[0].disparity > 6 - NEAR, FINER, 0), FINER, 1)
     assert near.any()
     np.testing.assert_array_equal(after[0][near], before[0][near])
     # The wall beside it is not.
@@ -119,19 +112,20 @@ def test_nothing_bleeds_from_one_surface_into_another() -> None:
     shown = picture()
     shown[..., :3] = np.where(COVER[..., None], [0.9, 0, 0], [0, 0, 0.7])
     _, after, layers = blurred(shown, lambda disparity: np.full(disparity.shape, 5.0))
-    (layer,) = layers
-    margin = (layer.is_far.shape[0] - SIZE[0]) // 2
-    assert layer.drawn is not None
+    layer, behind = layers
+    margin = (layer.alpha.shape[0] - SIZE[0]) // 2
     away = np.pad(np.hypot(X - 80, Y - 60) - RADIUS, margin, constant_values=99.0)
 
     def fine(mask: Mask) -> Mask:
         return np.repeat(np.repeat(mask, FINER, 0), FINER, 1)
 
-    inside, past = (after[0][fine(layer.drawn & mask)] for mask in (away < -4, (away > 2) & layer.is_far))
+    masks = away < -4, (away > 2) & (layer.alpha == 0)
+    inside, past = (after[0][fine(layer.covered & mask)] for mask in masks)
     # Mixed pixels have a little of both to begin with; what bled would have up to half.
     assert inside[:, 2].max() < 0.05 and past[:, 2].max() < 0.05
     assert inside[:, 0].max() > 0.8 and past[:, 3].max() > 0.1 and past[:, 3].max() < 0.6
-    shows = fine(layer.disoccluded | ((away > 2) & (away < 20)))
+    shown = (behind.origin != OWN) & (away > FAR - NEAR) & (away < 0)
+    shows = fine(shown | ((away > 2) & (away < 20)))
     assert after[-1][shows, 0].max() < 0.02
 
 
@@ -140,7 +134,7 @@ def test_the_border_between_parts_is_one() -> None:
     bright = picture(0.2, 0.2)
     bright[-3:, :, :3] = 50.0
     _, after, layers = blurred(bright, lambda disparity: np.full(disparity.shape, 6.0))
-    margin = (layers[0].is_far.shape[0] - SIZE[0]) // 2
+    margin = (layers[0].alpha.shape[0] - SIZE[0]) // 2
     assert after[-1][: FINER * (margin // 2), :, 0].max() < 0.3
 
 

@@ -13,13 +13,14 @@ from addon.core.base.arrays import Floats, LinearRGB, Map, Mask
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.stereo_depth import upsampled
-from addon.core.frame.plan import FramePlan
-from addon.core.optics.aperture_sampling import exact_registration, vogel_disc
+from addon.core.frame.views import Views
+from addon.core.optics.aperture import ApertureSamples
+from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp import layered_mesh
+from addon.core.warp.layer import Layer, joined
 from addon.core.warp.layered_depth_image import LayeredDepthImage, depth_peel, inpainted, split
 from addon.core.warp.layered_mesh import FINER, FIRST_JUMP, WIDEST
-from addon.core.warp.mesh import WarpMesh
 from addon.core.warp.quadtree import SILHOUETTE_ERROR, Surfaces, triangulate
 from addon.render.views import gpu_views
 from sample_scenes import cycles_views
@@ -43,10 +44,9 @@ from ..disc_and_wall import (
 )
 
 
-def planned(canvas: Canvas, focus: float, mesh: WarpMesh, offsets: Floats, registration: Floats) -> FramePlan:
-    """A plan of these views; `focus` is the focal plane's displacement in pixels at a radius of one."""
-    thin = ThinLens(LENS, 1.0, focus / 150)
-    return FramePlan(1, canvas, thin, mesh, offsets, registration, False)
+def through(canvas: Canvas, focus: float, offsets: Floats) -> Views:
+    """Views at these places; `focus` is the focal plane's displacement in pixels at a radius of one."""
+    return Views(canvas, ThinLens(LENS, 1.0, focus / 150)).placed(ApertureSamples(offsets))
 
 
 def areas(triangles: NDArray[np.int32], width: int) -> Floats:
@@ -284,22 +284,21 @@ def hidden_colours(focus: float, shift: Map, wanted: Mask) -> tuple[LinearRGB, M
 @pytest.mark.parametrize("focus", [NEAR, FAR])
 def test_three_surfaces_make_better_views_than_two(focus: float, monkeypatch: pytest.MonkeyPatch) -> None:
     offsets, canvas = vogel_disc(24), Canvas(LENS)
-    registration = exact_registration(canvas, offsets, focus / 150)
     found: dict[float, list[float]] = {FIRST_JUMP: [], 0.0: []}
     for gable in GABLES:
         true = np.mean([house(x, y, focus, gable)[..., :3] for x, y in -offsets], axis=0)
         crossing = (np.abs(Y - gable) < 12) & (np.abs(np.abs(X - 80) - DISC) < 12)
         for large, scores in found.items():
             monkeypatch.setattr(layered_mesh, "FIRST_JUMP", large)
-            mesh, texture, _ = make_mesh(
+            layers = make_mesh(
                 house(gable=gable),
                 before_house(gable),
                 focus,
                 150.0,
                 fill=partial(hidden_colours, focus),
             )
-            made = planned(canvas, focus, mesh, offsets, registration)
-            scores.append(psnr(drawn(made, texture)[crossing][:, :3].astype(np.float64), true[crossing]))
+            view = drawn(through(canvas, focus, offsets), layers)
+            scores.append(psnr(view[crossing][:, :3].astype(np.float64), true[crossing]))
     three, two = found.values()
     for gable, of_three, of_two in zip(GABLES, three, two, strict=True):
         print(f"roof at {gable:.0f}: three surfaces {of_three:.1f} dB, two {of_two:.1f} dB")
@@ -326,15 +325,14 @@ def test_what_stands_past_the_border_is_blurred_into_the_picture(is_known: bool)
         return colour, known & wanted
 
     offsets, canvas = vogel_disc(24), Canvas(camera)
-    registration = exact_registration(canvas, offsets, focus / 150)
     seen = [cover((NEAR - FAR) * x, (NEAR - FAR) * y)[..., None] for x, y in -offsets]
     true = np.mean([c * [0.9, 0.8, 0.1] + (1 - c) * wall() for c in seen], axis=0)[:, left:]
     scores = []
     for known_past in (past, None):
-        mesh, texture, _ = make_mesh(
+        layers = make_mesh(
             scene()[:, left:], SHIFT[:, left:], focus, 150.0, fill=fill, past_border=known_past
         )
-        view = drawn(planned(canvas, focus, mesh, offsets, registration), texture)
+        view = drawn(through(canvas, focus, offsets), layers)
         scores.append(psnr(view[:, :6, :3].astype(np.float64), true[:, :6]))
     print(f"with depth past the border {scores[0]:.1f} dB, without {scores[1]:.1f} dB")
     if is_known:
@@ -349,10 +347,8 @@ def test_a_surface_does_not_tear_between_two_silhouettes(monkeypatch: pytest.Mon
     monkeypatch.setattr(layered_mesh, "FIRST_JUMP", 0.0)
     canvas = Canvas(LENS)
     for offset in np.array([[0.0, 0.95], [0.7, 0.7]]):
-        registration = exact_registration(canvas, offset[None], NEAR / 150)
-        mesh, texture, _ = make_mesh(house(), before_house(), NEAR, 150.0, fill=partial(hidden_colours, NEAR))
-        made = planned(canvas, NEAR, mesh, offset[None], registration)
-        view = drawn(made, texture)
+        layers = make_mesh(house(), before_house(), NEAR, 150.0, fill=partial(hidden_colours, NEAR))
+        view = drawn(through(canvas, NEAR, offset[None]), layers)
         x, y = -offset
         error = np.abs(view[..., :3] - house(x, y, NEAR)[..., :3]).max(axis=2)
         below = (GABLE + (MIDDLE - NEAR) * y + 4 < Y) & (X > 8)
@@ -376,13 +372,10 @@ def test_colours_are_carried_on() -> None:
 
 def plan(
     focus: float, count: int, picture: NDArray[np.float32] | None = None
-) -> tuple[FramePlan, NDArray[np.float32]]:
+) -> tuple[Views, tuple[Layer, ...]]:
     """The disc and the wall through an aperture whose rim displaces by `NEAR` and `FAR` pixels."""
-    mesh, texture, _ = make_mesh(scene() if picture is None else picture, SHIFT, focus, 150.0)
-    offsets = vogel_disc(count)
-    canvas = Canvas(LENS)
-    registration = exact_registration(canvas, offsets, focus / 150)
-    return planned(canvas, focus, mesh, offsets, registration), texture
+    layers = make_mesh(scene() if picture is None else picture, SHIFT, focus, 150.0)
+    return through(Canvas(LENS), focus, vogel_disc(count)), layers
 
 
 def truth(focus: float, offsets: Floats) -> Floats:
@@ -394,10 +387,10 @@ def truth(focus: float, offsets: Floats) -> Floats:
     return total / len(offsets)
 
 
-def drawn(made: FramePlan, texture: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W, 4) the mean of its views."""
+def drawn(views: Views, layers: tuple[Layer, ...]) -> NDArray[np.float32]:
+    """(H, W, 4) the mean of views of layers."""
     gpu_views.check_gpu()
-    return gpu_views.mean_of_views(made, texture)
+    return gpu_views.mean_of_views(views, layers)
 
 
 def psnr(a: Floats, b: Floats) -> float:
@@ -406,10 +399,10 @@ def psnr(a: Floats, b: Floats) -> float:
 
 @pytest.mark.parametrize("focus", [NEAR, FAR])
 def test_views_are_the_scenes(focus: float) -> None:
-    made, texture = plan(focus, 24)
-    true = truth(focus, made.offsets)
+    views, layers = plan(focus, 24)
+    true = truth(focus, views.offsets)
     inside = (slice(10, -10), slice(10, -10))
-    mean = drawn(made, texture)
+    mean = drawn(views, layers)
     assert mean[..., 3].min() > 0.999
     found = psnr(mean[inside][..., :3].astype(np.float64), true[inside])
     sharp = psnr(scene()[inside][..., :3].astype(np.float64), true[inside])
@@ -423,8 +416,8 @@ def test_what_is_in_focus_comes_through_untouched() -> None:
     picture[..., :3] *= np.where(np.hypot(X - 80, Y - 60) < DISC - 5, grain, 1.0)[..., None].astype(
         np.float32
     )
-    made, texture = plan(NEAR, 16, picture)
-    mean = drawn(made, texture)
+    views, layers = plan(NEAR, 16, picture)
+    mean = drawn(views, layers)
     inner = np.hypot(X - 80, Y - 60) < DISC - 3
     np.testing.assert_allclose(mean[inner], picture[inner], atol=1e-3)
 
@@ -432,26 +425,28 @@ def test_what_is_in_focus_comes_through_untouched() -> None:
 def test_cycles_draws_the_same() -> None:
     if gpu_views.gpu_problem():
         pytest.skip("only CI is sure to have a GPU driver, if a software one")
-    made, texture = plan(NEAR, 6)
-    ours = gpu_views.mean_of_views(made, texture)
-    theirs = cycles_views.mean_of_views(made, texture)
+    views, layers = plan(NEAR, 6)
+    ours = gpu_views.mean_of_views(views, layers)
+    theirs = cycles_views.mean_of_views(views, layers)
     assert np.abs(ours - theirs).mean() < 2e-3
     assert np.quantile(np.abs(ours - theirs), 0.98) < 0.02
 
 
 def test_what_is_displaced_out_of_the_picture_comes_back() -> None:
-    mesh, texture, _ = make_mesh(scene(), 3 * SHIFT * SIZE[1] / NEAR, FAR, 150.0)
+    layers = make_mesh(scene(), 3 * SHIFT * SIZE[1] / NEAR, FAR, 150.0)
+    mesh = joined(layers)
     margin = WIDEST * SIZE[1] + 2
     assert mesh.xy.min() == 0.5 - margin
     assert np.abs(150 * mesh.inverse_depth - FAR).max() <= WIDEST * SIZE[1] + 1e-9
-    assert texture.shape[1] == FINER * (SIZE[1] + 2 * margin)
+    assert layers[-1].picture.shape[1] == FINER * (SIZE[1] + 2 * margin)
 
 
 def test_a_large_texture_is_left_as_it_is() -> None:
-    fine, finer = make_mesh(scene(), SHIFT, FAR, 150.0)[:2]
-    plain, texture = make_mesh(scene(), SHIFT, FAR, 150.0, largest_texture=1)[:2]
-    assert finer.shape[0] == 2 * texture.shape[0]
-    np.testing.assert_allclose(fine.texture_xy, 2 * plain.texture_xy - 0.5)
+    fine = make_mesh(scene(), SHIFT, FAR, 150.0)
+    plain = make_mesh(scene(), SHIFT, FAR, 150.0, largest_texture=1)
+    for one_, other in zip(fine, plain, strict=True):
+        assert one_.picture.shape[0] == 2 * other.picture.shape[0] and (one_.finer, other.finer) == (2, 1)
+        np.testing.assert_allclose(one_.mesh.texture_xy, 2 * other.mesh.texture_xy - 0.5)
 
 
 # Depth in the large picture

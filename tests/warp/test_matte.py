@@ -16,8 +16,9 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.source import FAINTEST, NO_PICTURE, PixelDepth
 from addon.core.depth.stereo_depth import StereoDepth
-from addon.core.frame.plan import FramePlan
-from addon.core.optics.aperture_sampling import exact_registration, vogel_disc
+from addon.core.frame.views import Views
+from addon.core.optics.aperture import ApertureSamples
+from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.disocclusion_fill import HiddenColours
 from addon.core.warp.layered_depth_image import split
@@ -86,10 +87,9 @@ def drawn(depth: PixelDepth, focus: float, hidden: HiddenColours | None) -> Map:
     gpu_views.check_gpu()
     picture = np.dstack([seen(), np.ones(SIZE)]).astype(np.float32)
     thin, offsets = ThinLens(LENS, 1.0, focus / LENS.fx), vogel_disc(VIEWS)
-    mesh, painted, _ = layer_mesh(picture, depth, thin, hidden)
-    registration = exact_registration(Canvas(LENS), offsets, focus / LENS.fx)
-    plan = FramePlan(1, Canvas(LENS), thin, mesh, offsets, registration, False)
-    return np.asarray(gpu_views.mean_of_views(plan, painted)[..., :3])
+    views = Views(Canvas(LENS), thin).placed(ApertureSamples(offsets))
+    layers = layer_mesh(picture, depth, thin, hidden)
+    return np.asarray(gpu_views.mean_of_views(views, layers)[..., :3])
 
 
 def depth_of(opacity: Map, is_soft: bool) -> PixelDepth:

@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 
 from ..base.arrays import LinearRGB, LinearRGBA, Map, repeated
+from ..warp.layer import Layer
+from .frame import Frame
 from .inspection import blur_discs, fewer_views
-from .warped_frame import WarpedFrame
 
 SHARP, BLURRED = 0.5, 1.5
 """Blur discs in pixels of the small picture up to which the large one's detail is kept, and from which it is
@@ -22,68 +23,55 @@ NEARER = 0.01
 the nearest pixel is taken. Chosen by inspection."""
 
 
-def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
-    """Paint a frame's mesh with the share of sharpness that each texel keeps, for fewer views.
+def sharp_frame(frame: Frame) -> Frame | None:
+    """Paint a frame's layers with the share of sharpness that each texel keeps, for fewer views.
 
-    None without layers.
-
-    The mean of the views has in red, green and blue the share that each pixel keeps.
+    None without layers of every pixel's depth. The mean of the views has in red, green and blue the share
+    that each pixel keeps.
     """
-    if not warped.layers:
+    if not frame.is_layered:
         return None
-    warped = fewer_views(warped, VIEWS)
-    lens = warped.plan.lens
-    nearer = np.float32(lens.disparity_scale * warped.plan.axial_shift)
+    frame = fewer_views(frame, VIEWS)
+    nearer = np.float32(frame.views.lens.disparity_scale * frame.views.axial_shift)
 
     def shares(displacement: Map) -> LinearRGB:
         green = _share(displacement)
         apart = _share(displacement + nearer) if nearer else green
         return np.dstack([apart, green, apart])
 
-    return painted(warped, shares)
+    return painted(frame, shares)
 
 
-def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: float = 0.0) -> WarpedFrame:
-    """Paint a frame's mesh with a function of displacement, and CG objects with a value `on_cg`.
+def painted(frame: Frame, values: Callable[[Map], LinearRGB], on_cg: float = 0.0) -> Frame:
+    """Paint a frame's layers with a function of displacement, and CG objects with a value `on_cg`.
 
     `values` maps displacements (h, w) of texels in pixels, the signed radii of blur discs, to colours (h, w,
     3).
     """
-    plan, snap = warped.plan, warped.plan.lens.snap_displacement
+    views, snap = frame.views, frame.views.lens.snap_displacement
 
     def of_discs(displacement: Map) -> LinearRGB:
-        return values(plan.discs(snap(displacement) if warped.layers else displacement))
+        return values(views.discs(snap(displacement) if frame.is_layered else displacement))
 
-    return painted_by_disparity(warped, of_discs, on_cg)
+    return painted_by_disparity(frame, of_discs, on_cg)
 
 
-def painted_by_disparity(
-    warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: float = 0.0
-) -> WarpedFrame:
+def painted_by_disparity(frame: Frame, values: Callable[[Map], LinearRGB], on_cg: float = 0.0) -> Frame:
     """Paint as `painted` does by displacements that are not snapped to the focal plane."""
-    # The channels are not colours.
-    plan = replace(warped.plan, axial_colour=0.0)
-    if not warped.layers:
-        # The texture is the canvas itself.
-        displacement = np.nan_to_num(blur_discs(warped) / 2).astype(np.float32)
-        alpha = warped.texture[..., 3:]
-        texture = np.concatenate([alpha * values(displacement), alpha], axis=2)
-        cg = tuple(each.painted(on_cg) for each in warped.cg)
-        return replace(warped, plan=plan, texture=texture, highlight_discs=None, cg=cg)
-    layers = warped.layers
     # A steadier camera's layers are made for a larger aperture.
-    share = np.float32(warped.steadied.aperture_share if warped.steadied else 1.0)
-    parts = warped.texture.reshape(len(layers) + 1, -1, warped.texture.shape[1], 4)
-    finer = parts.shape[2] // layers[0].is_far.shape[1]
-    painting = np.zeros_like(parts)
-    disparities = [*(one.drawn_disparity for one in layers), layers[-1].back_disparity]
-    for part, alpha, disparity in zip(painting, parts[..., 3], disparities, strict=True):
-        made = values(share * disparity)
-        part[..., :3] = alpha[..., None] * repeated(made, finer)
-        part[..., 3] = alpha
+    share = np.float32(frame.steadied.aperture_share if frame.steadied else 1.0)
+
+    def one(layer: Layer) -> Layer:
+        if layer.disparity.size:
+            return layer.painted(repeated(values(share * layer.disparity), layer.finer))
+        # The picture is the canvas itself.
+        return layer.painted(values(np.nan_to_num(blur_discs(frame) / 2).astype(np.float32)))
+
     return replace(
-        warped, plan=plan, texture=painting.reshape(warped.texture.shape), highlight_discs=None,
-        cg=tuple(each.painted(on_cg) for each in warped.cg),
+        # The channels are not colours.
+        frame, views=replace(frame.views, axial_colour=0.0), highlight_discs=None,
+        layers=tuple(map(one, frame.layers)),
+        cg_layers=tuple(each.painted(on_cg) for each in frame.cg_layers),
     )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """Grain: noise like the clip's, where blur has averaged it away.
 
 Without it, defocused areas look pasted in beside sharp ones. The blur disc and the noise's spectrum give the
-remaining noise. It is painted on the frame's own mesh and drawn by its own views, so that silhouettes are
+remaining noise. It is painted on the frame's own layers and drawn by its own views, so that silhouettes are
 right.
 """
 
@@ -14,10 +14,10 @@ from ..base.arrays import LinearRGB, LinearRGBA, Map
 from ..camera.canvas import Canvas
 from ..media.light import decode_srgb, encode_srgb
 from ..media.noise import AXES, Noise
-from ..warp.mesh import WarpMesh
+from ..warp.layer import Layer
 from .detail import VIEWS, painted
+from .frame import Frame
 from .inspection import fewer_views
-from .warped_frame import WarpedFrame
 
 LEAST = 1e-3
 """Negligible share: resampling for a lens with distortion rings by as much."""
@@ -25,8 +25,8 @@ TRANSPARENT = np.float32(1e-6)
 """Least alpha in divisions."""
 
 
-def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedFrame:
-    """Paint a frame's mesh with the noise that blur removes, for fewer views of half the size.
+def lost_frame(frame: Frame, noise: Noise, scale: float = 1.0) -> Frame:
+    """Paint a frame's layers with the noise that blur removes, for fewer views of half the size.
 
     The mean of the views has in red, green and blue the removed share of each noise component's standard
     deviation: exactly 0 where all is in focus, 1 on CG objects. `scale` is the size of the final picture
@@ -37,26 +37,28 @@ def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedF
         return 1 - noise.left(np.float32(2 * scale) * np.abs(displacement))
 
     # CG objects have no noise, in focus or not.
-    return _smaller(painted(fewer_views(warped, VIEWS), lost, 1.0))
+    return _smaller(painted(fewer_views(frame, VIEWS), lost, 1.0))
 
 
-def _smaller(warped: WarpedFrame) -> WarpedFrame:
+def _smaller(frame: Frame) -> Frame:
     """Halve the width and height of a frame's views."""
-    plan = warped.plan
-    large, camera = plan.canvas.pinhole, plan.canvas.camera
+    views = frame.views
+    large, camera = views.canvas.pinhole, views.canvas.camera
     canvas = Canvas(camera.scaled(-(-camera.width // 2), -(-camera.height // 2)))
     small = canvas.pinhole
     size = small.focal / large.focal
     moved = small.principal_point - size * large.principal_point
-    registration = plan.registration.copy()
+    registration = views.registration.copy()
     registration[:, :, :2] *= size[:, None] / size
-    registration[:, :, 2] = plan.registration[:, :, 2] * size + moved - registration[:, :, :2] @ moved
+    registration[:, :, 2] = views.registration[:, :, 2] * size + moved - registration[:, :, :2] @ moved
 
-    def within(mesh: WarpMesh) -> WarpMesh:
-        return replace(mesh, xy=mesh.xy * size + moved)
+    def within(layer: Layer) -> Layer:
+        return replace(layer, mesh=replace(layer.mesh, xy=layer.mesh.xy * size + moved))
 
-    plan = replace(plan, canvas=canvas, mesh=within(plan.mesh), registration=registration)
-    return replace(warped, plan=plan, cg=tuple(replace(each, mesh=within(each.mesh)) for each in warped.cg))
+    return replace(
+        frame, views=replace(views, canvas=canvas, registration=registration),
+        layers=tuple(map(within, frame.layers)), cg_layers=tuple(map(within, frame.cg_layers)),
+    )  # fmt: skip
 
 
 def grained(

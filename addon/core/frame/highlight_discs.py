@@ -24,10 +24,11 @@ from ..optics.bokeh import barrel_share, matte_box_share
 from ..optics.thin_lens import ThinLens
 from ..warp.cg_layer import CGLayer
 from ..warp.clipped_blobs import brightest
-from ..warp.layered_depth_image import LayeredDepthImage, inpainted
+from ..warp.layer import Layer
+from ..warp.layered_depth_image import inpainted
 from .highlight_surfaces import NEARER, Surfaces
-from .plan import FramePlan
 from .steadied import Steadied
+from .views import Views
 from .vignetting import barrel_shift, light_left, matte_box_shift
 
 WHITE = 1.02
@@ -110,13 +111,13 @@ class _FocalPlane:
         return float(np.copysign(max(abs(found), LEAST_RADIUS), found))
 
 
-def _focal_planes(plan: FramePlan) -> tuple[_FocalPlane, ...]:
-    """Return the focal planes of a plan's channels."""
-    if not plan.axial_colour:
+def _focal_planes(views: Views) -> tuple[_FocalPlane, ...]:
+    """Return the focal planes of the channels of views."""
+    if not views.axial_colour:
         return (_FocalPlane(np.ones(3, np.float32), 0.0),)
     apart = np.zeros(3, np.float32)
     apart[RED_AND_BLUE] = 1
-    return _FocalPlane(1 - apart, 0.0), _FocalPlane(apart, plan.lens.disparity_scale * plan.axial_shift)
+    return _FocalPlane(1 - apart, 0.0), _FocalPlane(apart, views.lens.disparity_scale * views.axial_shift)
 
 
 class _Veil:
@@ -134,28 +135,30 @@ class HighlightDiscs:
 
     found: tuple[SmallHighlight, ...]
     aperture: Aperture
-    steadied: Steadied | None = None
-    """The steadier camera of the plan, if any."""
 
     def light(
-        self, plan: FramePlan, layers: tuple[LayeredDepthImage, ...], cg: Sequence[CGLayer] = ()
+        self,
+        views: Views,
+        layers: Sequence[Layer],
+        cg: Sequence[CGLayer] = (),
+        steadied: Steadied | None = None,
     ) -> LinearRGB:
-        """Draw the discs as linear light (h, w, 3) in the plan's canvas; passes checkpoints.
+        """Draw the discs as linear light (h, w, 3) in the canvas of the views; passes checkpoints.
 
-        Layers of the clip and of CG objects clip them.
+        Layers of the clip and of CG objects clip them. `steadied` is the views' steadier camera, if any.
         """
-        height, width = plan.canvas.pinhole.height, plan.canvas.pinhole.width
+        height, width = views.canvas.pinhole.height, views.canvas.pinhole.width
         total: LinearRGB = np.zeros((height, width, 3), np.float32)
-        own = plan.canvas.pinhole if self.steadied is None else self.steadied.own_canvas.pinhole
-        lens = plan.lens if self.steadied is None else self.steadied.own_lens
+        own = views.canvas.pinhole if steadied is None else steadied.own_canvas.pinhole
+        lens = views.lens if steadied is None else steadied.own_lens
         before = Surfaces(layers, [each for each in cg if not each.is_sharp], lens, (own.height, own.width))
         sharp = [_Veil(each, lens, (height, width)) for each in cg if each.is_sharp]
-        for one, focal_plane in product(self.found, _focal_planes(plan)):
+        for one, focal_plane in product(self.found, _focal_planes(views)):
             checkpoint()
             focused = replace(one, light=one.light * focal_plane.channels)
             if not focused.light.any():
                 continue
-            discs, corners = self._discs(focused, plan, before, focal_plane)
+            discs, corners = self._discs(focused, views, before, focal_plane, steadied)
             veils = [each.left for each in sharp if each.displacement > one.displacement]
             for disc, (row, column) in zip(discs, corners.tolist(), strict=True):
                 top, left = max(0, -row), max(0, -column)
@@ -168,21 +171,26 @@ class HighlightDiscs:
                 for veil in veils:
                     part = part * veil[rows, columns, None]
                 total[rows, columns] += part
-        if plan.is_cut:
-            total /= light_left(plan)[..., None]
+        if views.is_cut:
+            total /= light_left(views)[..., None]
         return total
 
     def _discs(
-        self, one: SmallHighlight, plan: FramePlan, before: Surfaces, focal_plane: _FocalPlane
+        self,
+        one: SmallHighlight,
+        views: Views,
+        before: Surfaces,
+        focal_plane: _FocalPlane,
+        steadied: Steadied | None,
     ) -> tuple[LinearRGB, Ints]:
         """Light (n, h, w, 3) of a highlight's discs by parts, and first rows and columns (n, 2), any sign."""
-        pinhole = plan.canvas.pinhole
-        seen_here = _as_seen(one, self.steadied) if self.steadied else one
+        pinhole = views.canvas.pinhole
+        seen_here = _as_seen(one, steadied) if steadied else one
         displacement = focal_plane.displacement(seen_here)
         radius = np.round(FINEST * displacement * pinhole.focal / pinhole.fx) / FINEST
-        is_bent = plan.aberrations.is_active
+        is_bent = views.aberrations.is_active
         if is_bent:
-            kernel = _bent_kernel(self.aperture, plan, radius, seen_here.place)
+            kernel = _bent_kernel(self.aperture, views, radius, seen_here.place)
         else:
             kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
         reach = [n // 2 for n in kernel.shape]
@@ -191,8 +199,8 @@ class HighlightDiscs:
         light, corner = seen_here.parts(PARTS if len(steps) else 1)
         begin = corner - np.array(reach, np.int32)
         places = _middles(light) + corner[:, ::-1]
-        if plan.is_cut and not is_bent:
-            kernels = (kernel * _within_barrel(plan, place, radius, reach) for place in places)
+        if views.is_cut and not is_bent:
+            kernels = (kernel * _within_barrel(views, place, radius, reach) for place in places)
             parts = zip(np.split(light, len(light)), kernels, strict=True)
             discs = np.concatenate([_filtered(part, cut, reach) for part, cut in parts])
         else:
@@ -208,12 +216,12 @@ class HighlightDiscs:
         seen: Floats = np.stack([column, row], axis=1) + begin[number, ::-1] + np.float64(0.5)
         ways: Floats = (places[number] - seen) / radius
         if is_bent:
-            matrix = plan.reach * plan.aberrations.matrix(plan.field_places(seen_here.place))
+            matrix = views.reach * views.aberrations.matrix(views.field_places(seen_here.place))
             ways = (places[number] - seen) @ np.linalg.inv(_invertible(np.diag(radius) - matrix)).T
-        if self.steadied:
-            ways = self.steadied.middle + self.steadied.aperture_share * ways
+        if steadied:
+            ways = steadied.middle + steadied.aperture_share * ways
             # The frame's own layers occlude it at its position in the frame.
-            places = one.place + (places - seen_here.place) / self.steadied.enlargement
+            places = one.place + (places - seen_here.place) / steadied.enlargement
         widths = np.full(len(ways), float(light.shape[1]))
         passed = before.transmittance(one.displacement, steps, places[number], widths, ways)
         discs[number, row, column] *= passed.astype(np.float32)[:, None]
@@ -260,17 +268,17 @@ def _kernel(aperture: Aperture, across: float, down: float) -> Map:
     return np.asarray(cells / cells.sum(), np.float32)
 
 
-def _bent_kernel(aperture: Aperture, plan: FramePlan, radius: Floats, place: Floats) -> Map:
-    """Return `_kernel` of a plan's aberrations at a position (2,), within its barrel and matte box."""
-    largest = float(np.abs(radius).max()) + plan.reach * plan.aberrations.largest
+def _bent_kernel(aperture: Aperture, views: Views, radius: Floats, place: Floats) -> Map:
+    """Return `_kernel` of the aberrations of views at a position (2,), within its barrel and matte box."""
+    largest = float(np.abs(radius).max()) + views.reach * views.aberrations.largest
     size = 2 * (int(np.ceil(largest)) + 1) + 1
     across = (np.arange(BENT * size) + 0.5) * 2 / (BENT * size) - 1
     x, y = np.meshgrid(across, across)
     light = aperture.light(x, y)
     is_open = light > 0
     p, light = np.column_stack([x[is_open], y[is_open]]), light[is_open]
-    bent = plan.reach * plan.aberrations.shift(p, plan.field_places(place)) - p * radius
-    passed = light * _passed(plan, p, place + bent, 0.5 / largest)
+    bent = views.reach * views.aberrations.shift(p, views.field_places(place)) - p * radius
+    passed = light * _passed(views, p, place + bent, 0.5 / largest)
     return np.asarray(scattered(bent, passed, size) / light.sum(), np.float32)
 
 
@@ -280,23 +288,23 @@ def _invertible(matrix: Floats) -> Floats:
     return np.asarray(left * np.maximum(values, LEAST_RADIUS) @ right)
 
 
-def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[int]) -> Map:
+def _within_barrel(views: Views, place: Floats, radius: Floats, reach: list[int]) -> Map:
     """Return the (h, w) transmission of barrel and matte box around a disc at a position (2,)."""
     beside = np.stack(np.meshgrid(*(np.arange(-n, n + 1) for n in reach[::-1])), axis=-1)
     # Their edges are a pixel wide.
     edge = 0.5 / float(np.abs(radius).min())
-    return _passed(plan, -beside / radius, place + beside, edge).astype(np.float32)
+    return _passed(views, -beside / radius, place + beside, edge).astype(np.float32)
 
 
-def _passed(plan: FramePlan, p: Floats, xy: Floats, edge: float) -> Floats:
+def _passed(views: Views, p: Floats, xy: Floats, edge: float) -> Floats:
     """Return the transmission (...) of barrel and matte box from places p (..., 2) to pixels xy (..., 2)."""
-    away = xy - plan.canvas.pinhole.principal_point
+    away = xy - views.canvas.pinhole.principal_point
     passed: Floats = np.ones(p.shape[:-1])
-    if plan.vignetting:
-        at = p + barrel_shift(plan) * away
+    if views.vignetting:
+        at = p + barrel_shift(views) * away
         passed = barrel_share(at[..., 0], at[..., 1], edge)
-    if any(plan.matte_box):
-        at = p + matte_box_shift(plan) * away
+    if any(views.matte_box):
+        at = p + matte_box_shift(views) * away
         passed = passed * matte_box_share(at[..., 0], at[..., 1], edge)
     return passed
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..base.arrays import Floats, Map
 from ..optics.thin_lens import ThinLens
 from ..warp.cg_layer import CGLayer
-from ..warp.layered_depth_image import LayeredDepthImage
+from ..warp.layer import Layer
 
 NEARER = 1.0
 """Least displacement in pixels by which an occluder is nearer than a highlight: less is noise of depth, and
@@ -31,21 +31,10 @@ class Surfaces:
     """The surfaces of a frame, on the raster of its layers."""
 
     def __init__(
-        self,
-        layers: tuple[LayeredDepthImage, ...],
-        cg: Sequence[CGLayer],
-        lens: ThinLens,
-        size: tuple[int, int],
+        self, layers: Sequence[Layer], cg: Sequence[CGLayer], lens: ThinLens, size: tuple[int, int]
     ) -> None:
         """Prepare for a canvas of `size` (height, width), in the centre of the layers' raster."""
-        shown = []
-        for one in layers:
-            assert one.drawn is not None
-            past = one.is_far & one.drawn
-            # At the free end of a near surface, the surface beside it is another one.
-            beside = cv2.dilate(past.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-            shown.append((one.drawn_disparity, np.where(beside & ~one.drawn, 0, one.front[..., 3]), one.jump))
-        shown.append((layers[-1].back_disparity, np.ones_like(shown[0][1]), layers[-1].jump))
+        shown = [(each.disparity, each.alpha, each.jump) for each in layers]
         raster = shown[0][1].shape
         margin = (raster[0] - size[0]) // 2, (raster[1] - size[1]) // 2
         for each in cg:

@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 from ..base.arrays import Bytes, Floats, LinearRGBA, Mask
 from ..camera.canvas import Canvas
 from ..media.light import to_rgb8
-from ..optics.aperture_sampling import exact_registration, vogel_disc
+from ..optics.aperture import ApertureSamples
+from ..optics.aperture_sampling import vogel_disc
+from ..warp.layer import INPAINTED, OWN, Layer
 from ..warp.layered_mesh import FINER
-from ..warp.mesh import WarpMesh, at_pixels
-from .warped_frame import WarpedFrame
+from ..warp.mesh import at_pixels
+from .frame import Frame
 
 NAMES = ("depth", "sources", "blur", "focus")
 """All pictures, in display order."""
 SOURCES = ("inpainted", "borrowed", "own")
-"""Sources of light, in red, green and blue: inpainted or mirrored; other frames; the frame itself."""
+"""Sources of light by `Layer.origin`, in red, green and blue."""
 SOURCE_VIEWS = 16
 """Views for the shares of the sources."""
 LARGEST_TEXTURE = 4096
@@ -34,79 +36,73 @@ SHARE = 99.0
 """Per cent of the pixels within the scales of depth and blur; others have the last colour."""
 
 
-def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dict[str, Bytes]:
-    """Make all available pictures of a frame by name, for a linear frame (H, W, 4).
+def pictures(frame: Frame, shares: LinearRGBA) -> dict[str, Bytes]:
+    """Make all available pictures of a frame by name.
 
     `shares` (H, W, 3) are those of `shares_of`.
     """
-    made = {name: picture(name, warped, source, shares) for name in NAMES}
+    made = {name: picture(name, frame, shares) for name in NAMES}
     return {name: shown for name, shown in made.items() if shown is not None}
 
 
-def picture(
-    name: str, warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA | None = None
-) -> Bytes | None:
+def picture(name: str, frame: Frame, shares: LinearRGBA | None = None) -> Bytes | None:
     """Make one of `pictures` (H, W, 3), or None if it is not available; only "sources" needs the shares."""
-    plan, frame = warped.plan, to_rgb8(source)
+    canvas, shown = frame.views.canvas, to_rgb8(frame.small)
     match name:
         case "depth":
-            return _in_source(_depth(inverse_depth(warped)), plan.canvas)
+            return _in_source(_depth(inverse_depth(frame)), canvas)
         case "sources" if shares is not None:
-            return _sources(shares, frame)
+            return _sources(shares, shown)
         case "blur":
-            return _in_source(_blur(blur_discs(warped)), plan.canvas)
+            return _in_source(_blur(blur_discs(frame)), canvas)
         case "focus":
-            return _focus(_in_source(_focus_tint(warped), plan.canvas), frame)
+            return _focus(_in_source(_focus_tint(frame), canvas), shown)
     return None
 
 
-def inverse_depth(warped: WarpedFrame) -> Floats:
+def inverse_depth(frame: Frame) -> Floats:
     """Return the inverse depth (H, W) with which the canvas is drawn; NaN in empty pixels."""
-    if warped.layers and warped.depth is not None and warped.steadied is None:
-        return warped.depth.inverse_depth
-    mesh, pinhole = warped.plan.mesh, warped.plan.canvas.pinhole
-    inverse = warped.plan.lens.unrectified(mesh.inverse_depth, mesh.xy)
+    if frame.is_layered and frame.depth is not None and frame.steadied is None:
+        return frame.depth.inverse_depth
+    mesh, pinhole = frame.mesh, frame.views.canvas.pinhole
+    inverse = frame.views.lens.unrectified(mesh.inverse_depth, mesh.xy)
     return at_pixels(mesh.xy, inverse, mesh.triangles, (pinhole.height, pinhole.width))
 
 
-def blur_discs(warped: WarpedFrame) -> Floats:
+def blur_discs(frame: Frame) -> Floats:
     """Return signed diameters (H, W) in pixels of the canvas's blur discs, as `ThinLens.blur_disc`."""
-    lens = warped.plan.lens
-    return lens.blur_disc(lens.rectified_raster(inverse_depth(warped)))
+    lens = frame.views.lens
+    return lens.blur_disc(lens.rectified_raster(inverse_depth(frame)))
 
 
 # Sources
 
 
-def fewer_views(warped: WarpedFrame, most: int = SOURCE_VIEWS) -> WarpedFrame:
+def fewer_views(frame: Frame, most: int = SOURCE_VIEWS) -> Frame:
     """Limit a frame's views to `most`, evenly over the whole disc of its aperture."""
-    plan = warped.plan
-    if len(plan.offsets) <= most:
-        return warped
-    offsets = plan.lens.sheared_positions(plan.lens.radius * vogel_disc(most))
-    registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
-    if warped.method == "thesis":
+    views = frame.views
+    if len(views.offsets) <= most:
+        return frame
+    if frame.mesher.name == "thesis":
         # Its positions are random and its registration is fitted, so any views suffice.
-        offsets, registration = plan.offsets[:most], plan.registration[:most]
-    plan = replace(
-        plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0, matte_box=(0.0, 0.0)
-    )
-    return replace(warped, plan=plan)
+        views = replace(views, offsets=views.offsets[:most], registration=views.registration[:most])
+    else:
+        views = views.placed(ApertureSamples(vogel_disc(most)))
+    return replace(frame, views=replace(views, weights=None, vignetting=0.0, matte_box=(0.0, 0.0)))
 
 
-def source_frame(warped: WarpedFrame) -> WarpedFrame:
-    """Paint a frame's mesh with the sources of its colours, for fewer views.
+def source_frame(frame: Frame) -> Frame:
+    """Paint a frame's layers with the sources of its colours, for fewer views.
 
     The mean of the views has in red, green and blue the shares of `SOURCES`, premultiplied by coverage.
     """
-    warped = fewer_views(warped)
-    if warped.plan.axial_colour:
-        # The channels are not colours.
-        warped = replace(warped, plan=replace(warped.plan, axial_colour=0.0))
-    if warped.layers:
-        return replace(warped, texture=_layers_sources(warped), highlight_discs=None, cg=())
-    mesh, texture = _plain_sources(warped)
-    return replace(warped, plan=replace(warped.plan, mesh=mesh), texture=texture, cg=())
+    frame = fewer_views(frame)
+    own = _own(frame.canvas)
+    paint = _with_origin if frame.is_layered else _with_border
+    # The channels are not colours.
+    views = replace(frame.views, axial_colour=0.0)
+    layers = tuple(paint(each, own) for each in frame.layers)
+    return replace(frame, views=views, layers=layers, highlight_discs=None, cg_layers=())
 
 
 def shares_of(mean: LinearRGBA, canvas: Canvas) -> LinearRGBA:
@@ -128,19 +124,14 @@ def _own(canvas: Canvas) -> Mask:
     return np.asarray(np.all((place >= 0) & (place <= [canvas.camera.width, canvas.camera.height]), axis=2))
 
 
-def _painted(own: Mask, foreign: Mask) -> LinearRGBA:
-    """Return (H, W, 3) red, green or blue."""
-    return np.stack([~own & ~foreign, foreign, own & ~foreign], axis=2).astype(np.float32)
-
-
-def _layers_sources(warped: WarpedFrame) -> LinearRGBA:
-    """Return the sources of the layers' texture, with its alpha."""
-    texture = warped.texture
-    painted = [_painted(own, foreign) for own, foreign in _origins(warped)]
-    if texture.shape[1] != painted[0].shape[1]:
-        painted = [_finer(part) for part in painted]
-    alpha = texture[..., 3:]
-    return np.concatenate([np.concatenate(painted) * alpha, alpha], axis=2)
+def _with_origin(layer: Layer, own: Mask) -> Layer:
+    """Paint a layer with the sources of its light; `own` (h, w) is in the middle of its raster."""
+    inside = np.zeros(layer.origin.shape, bool)
+    top, left = ((n - m) // 2 for n, m in zip(inside.shape, own.shape, strict=True))
+    inside[top : top + own.shape[0], left : left + own.shape[1]] = own
+    origin = np.where((layer.origin == OWN) & ~inside, INPAINTED, layer.origin)
+    colours = np.eye(len(SOURCES), dtype=np.float32)[origin]
+    return layer.painted(_finer(colours) if layer.finer > 1 else colours)
 
 
 def _finer(picture: LinearRGBA) -> LinearRGBA:
@@ -152,36 +143,21 @@ def _finer(picture: LinearRGBA) -> LinearRGBA:
     return np.asarray(cv2.warpAffine(picture, scale, size, flags=flags, borderMode=cv2.BORDER_REPLICATE))
 
 
-def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:
-    """Return own and foreign pixels (H, W) for every surface of a mesh of layers, near to far."""
-    canvas, margin_reprojected = warped.plan.canvas, warped.layers[0].margin_reprojected
-    own = np.zeros_like(warped.layers[0].disoccluded)
-    foreign = own.copy() if margin_reprojected is None else margin_reprojected
-    own[warped.layers[0].inner(canvas.pinhole.width, canvas.pinhole.height)] = _own(canvas)
-    found = [(own, foreign)]
-    for layers in warped.layers:
-        own = own & ~layers.occluded
-        foreign = np.where(layers.occluded, layers.reprojected, foreign)
-        found.append((own, foreign))
-    return found
-
-
-def _plain_sources(warped: WarpedFrame) -> tuple[WarpMesh, LinearRGBA]:
-    """Return a mesh painted with the mirrored canvas picture, and its sources in the same texture."""
-    mesh, own = warped.plan.mesh, _own(warped.plan.canvas)
-    size = np.array(own.shape[::-1])
+def _with_border(layer: Layer, own: Mask) -> Layer:
+    """Paint the mirrored canvas picture of a coarse mesh with its sources."""
+    mesh, size = layer.mesh, np.array(own.shape[::-1])
     beyond = np.maximum(-mesh.texture_xy, mesh.texture_xy - size).max(initial=0)
     margin = int(np.ceil(min(beyond, 1e9))) + 2
     # A wide aperture sees far past the border, where all pixels are alike.
     scale = min(1.0, LARGEST_TEXTURE / float((size + 2 * margin).max()))
     wide = np.maximum(np.round(scale * (size + 2 * margin)).astype(int), 1)
-    xy = scale * (mesh.texture_xy + margin)
     x, y = (np.floor((np.arange(n) + 0.5) / scale - margin).astype(int) for n in wide)
     inside = ((y >= 0) & (y < size[1]))[:, None] & ((x >= 0) & (x < size[0]))
     inside &= own[np.clip(y, 0, size[1] - 1)[:, None], np.clip(x, 0, size[0] - 1)]
-    painted = _painted(inside, np.zeros_like(inside))
-    alpha = np.ones((*inside.shape, 1), np.float32)
-    return replace(mesh, texture_xy=xy), np.concatenate([painted, alpha], axis=2)
+    colours = np.eye(len(SOURCES), dtype=np.float32)[np.where(inside, OWN, INPAINTED)]
+    picture = np.concatenate([colours, np.ones((*inside.shape, 1), np.float32)], axis=2)
+    xy = scale * (mesh.texture_xy + margin)
+    return replace(layer, mesh=replace(mesh, texture_xy=xy), picture=picture)
 
 
 # Pictures
@@ -196,17 +172,6 @@ def _depth(inverse: Floats) -> Bytes:
     share = np.where(known, inverse - low, 0) / (high - low if high > low else 1.0)
     colour = cv2.applyColorMap(_bytes(share), cv2.COLORMAP_TURBO)[..., ::-1]
     return np.where(known[..., None], colour, 0).astype(np.uint8)
-
-
-def opaque_triangles(warped: WarpedFrame) -> int:
-    """Return the number of opaque triangles of a frame's mesh, which are the first."""
-    mesh = warped.plan.mesh
-    if not warped.layers:
-        return len(mesh.triangles)
-    # Those of the farthest surface, whose rows are the last of the texture.
-    row = mesh.texture_xy[mesh.triangles[:, 0], 1]
-    height = warped.texture.shape[0] / (len(warped.layers) + 1)
-    return int(np.count_nonzero(row // height == len(warped.layers)))
 
 
 def _sources(shares: LinearRGBA, frame: Bytes) -> Bytes:
@@ -228,10 +193,10 @@ def _blur(signed: Floats) -> Bytes:
     return np.where(known[..., None], _bytes(colour), 0).astype(np.uint8)
 
 
-def _focus_tint(warped: WarpedFrame) -> Bytes:
+def _focus_tint(frame: Frame) -> Bytes:
     """(H, W, 4) tints of unsharp pixels of the canvas, and their shares in [0, `TINT`] by disc size."""
-    signed = np.nan_to_num(blur_discs(warped))
-    least = warped.plan.lens.acceptable_disc
+    signed = np.nan_to_num(blur_discs(frame))
+    least = frame.views.lens.acceptable_disc
     share = TINT * (1 - 1 / np.maximum(np.abs(signed) / least, 1))
     colour = np.where((signed > 0)[..., None], COLD, GREEN)
     return _bytes(np.concatenate([colour, share[..., None]], axis=2))

@@ -8,16 +8,16 @@ import numpy as np
 
 from ..base.arrays import Floats, Map
 from ..camera.canvas import Canvas
+from .frame import Frame
 from .inspection import inverse_depth
-from .warped_frame import WarpedFrame
 
 INFINITE = 1e10
 """Scene units that stand for infinity, as in Blender's own Depth pass."""
 
 
-def depth(warped: WarpedFrame) -> Map:
+def depth(frame: Frame) -> Map:
     """Return the distance (H, W) along the camera's axis in scene units, `INFINITE` if unknown."""
-    return distances(in_source(inverse_depth(warped), warped.plan.canvas))
+    return distances(in_source(inverse_depth(frame), frame.views.canvas))
 
 
 def distances(inverse: Map) -> Map:
@@ -26,19 +26,19 @@ def distances(inverse: Map) -> Map:
     return np.where(far, np.float32(INFINITE), 1 / np.where(far, 1, inverse)).astype(np.float32)
 
 
-def circle_of_confusion(warped: WarpedFrame) -> Map:
+def circle_of_confusion(frame: Frame) -> Map:
     """Return signed diameters (H, W) of blur discs in pixels, positive in front of the focal plane.
 
     Unknown pixels have the disc of infinity.
     """
-    lens = warped.plan.lens
-    signed = lens.blur_disc(lens.rectified_raster(np.nan_to_num(inverse_depth(warped)).astype(np.float32)))
-    return in_source(signed, warped.plan.canvas)
+    lens = frame.views.lens
+    signed = lens.blur_disc(lens.rectified_raster(np.nan_to_num(inverse_depth(frame)).astype(np.float32)))
+    return in_source(signed, frame.views.canvas)
 
 
-def in_focus(warped: WarpedFrame) -> Map:
+def in_focus(frame: Frame) -> Map:
     """Return (H, W) 1 up to the acceptable circle of confusion, falling to 0 at twice its diameter."""
-    size = np.abs(circle_of_confusion(warped)) / warped.plan.lens.acceptable_disc
+    size = np.abs(circle_of_confusion(frame)) / frame.views.lens.acceptable_disc
     return np.asarray(np.clip(2 - size, 0, 1), np.float32)
 
 

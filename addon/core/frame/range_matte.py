@@ -1,6 +1,6 @@
 """Mattes of a range of distances through the lens: the share of each pixel's light that comes from there.
 
-The range is painted on the frame's own mesh and drawn by its own views. So the matte is as blurred as the
+The range is painted on the frame's own layers and drawn by its own views. So the matte is as blurred as the
 picture at every silhouette, and includes the surfaces that an aperture sees behind one.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arrays import Floats, LinearRGB, LinearRGBA, Map
 from ..base.options import option
 from .detail import painted_by_disparity
-from .warped_frame import WarpedFrame
+from .frame import Frame
 
 LEAST_COVERED = 1e-3
 """Share of a pixel that some view covers, below which it is empty."""
@@ -47,31 +47,31 @@ class Range:
         return np.clip(found, 0, 1).astype(np.float32)
 
 
-def matte_frame(warped: WarpedFrame, wanted: Range) -> WarpedFrame:
-    """Paint a frame's mesh with the matte of a range; the mean of its views has it in each channel."""
+def matte_frame(frame: Frame, wanted: Range) -> Frame:
+    """Paint a frame's layers with the matte of a range; the mean of its views has it in each channel."""
 
     def values(displacement: Map) -> LinearRGB:
-        return np.dstack([wanted.share(_inverse_depth(warped, displacement))] * 3)
+        return np.dstack([wanted.share(_inverse_depth(frame, displacement))] * 3)
 
-    made = painted_by_disparity(warped, values)
+    made = painted_by_disparity(frame, values)
     # A CG object lies at one distance.
-    middles = [np.asarray(np.median(each.layer.inverse_depth)) for each in warped.cg]
-    cg = [one.painted(float(wanted.share(at))) for one, at in zip(warped.cg, middles, strict=True)]
-    return replace(made, cg=tuple(cg))
+    middles = [np.asarray(np.median(each.inverse_depth)) for each in frame.cg.layers]
+    cg = [one.painted(float(wanted.share(at))) for one, at in zip(frame.cg_layers, middles, strict=True)]
+    return replace(made, cg_layers=tuple(cg))
 
 
-def matte_of(mean: LinearRGBA, warped: WarpedFrame) -> Map:
+def matte_of(mean: LinearRGBA, frame: Frame) -> Map:
     """Return the matte (H, W) in the source frame's geometry from the mean (h, w, 4) of `matte_frame`."""
-    drawn = warped.plan.canvas.to_source(mean)
+    drawn = frame.views.canvas.to_source(mean)
     return np.clip(drawn[..., 0] / np.maximum(drawn[..., 3], LEAST_COVERED), 0, 1).astype(np.float32)
 
 
-def _inverse_depth(warped: WarpedFrame, displacement: Map) -> Floats:
+def _inverse_depth(frame: Frame, displacement: Map) -> Floats:
     """Return the scene's inverse depths (h, w) of a raster of displacements in pixels around the canvas."""
-    lens, scale = warped.plan.lens, warped.plan.lens.disparity_scale
-    if warped.layers and warped.steadied is not None:
-        lens = warped.steadied.own_lens
-        scale = warped.steadied.aperture_share * lens.disparity_scale
+    lens, scale = frame.views.lens, frame.views.lens.disparity_scale
+    if frame.is_layered and frame.steadied is not None:
+        lens = frame.steadied.own_lens
+        scale = frame.steadied.aperture_share * lens.disparity_scale
     inverse: Floats = lens.focus + displacement.astype(np.float64) / scale
     if lens.is_plain:
         return inverse

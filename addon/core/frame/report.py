@@ -11,8 +11,8 @@ import numpy as np
 from ..base.arrays import LinearRGBA, Map
 from ..base.counting import counted, ranges
 from ..depth.source import SURE
+from .frame import Frame
 from .inspection import SOURCES, blur_discs, largest_shown
-from .warped_frame import WarpedFrame
 
 CHOSEN, SURE_ENOUGH, GIVEN = "as chosen", "its depth is sure enough", "its depth is known"
 """Reasons why a frame was drawn by the selected method: layers need depth."""
@@ -78,38 +78,52 @@ class Used:
     why: str
 
     @classmethod
-    def of(cls, warped: WarpedFrame) -> Used:
+    def of(cls, frame: Frame) -> Used:
         """Describe the method of a frame."""
         why = CHOSEN
-        if warped.layers:
-            why = GIVEN if _confidence(warped) is None else SURE_ENOUGH
-        return cls(warped.plan.frame, warped.method, warped.why or why)
+        if frame.is_layered:
+            why = GIVEN if _confidence(frame) is None else SURE_ENOUGH
+        return cls(frame.number, frame.mesher.name, frame.why or why)
 
 
-def frame_report(warped: WarpedFrame, shares: LinearRGBA, draw_seconds: float) -> FrameReport:
-    """Report on a frame, whose views took `draw_seconds`.
+def frame_report(frame: Frame, shares: LinearRGBA) -> FrameReport:
+    """Report on a drawn frame.
 
     `shares` (H, W, 3) are the sources of its pixels, from `inspection.shares_of`.
     """
-    plan, used = warped.plan, Used.of(warped)
-    confidence = _confidence(warped)
+    views, used, confidence = frame.views, Used.of(frame), _confidence(frame)
     sure = None if confidence is None else 100 * float(np.mean(confidence > SURE))
-    camera, triangles = plan.canvas.camera, len(plan.mesh.triangles)
-    signed = blur_discs(warped)
+    camera, triangles = views.canvas.camera, len(frame.mesh.triangles)
+    signed = blur_discs(frame)
     known = np.abs(signed[np.isfinite(signed)])
     median, largest = (float(f(known)) if len(known) else 0.0 for f in (np.median, np.max))
     parts = {n: 100 * float(shares[..., k].mean(dtype=np.float64)) for k, n in enumerate(SOURCES)}
     return FrameReport(
-        used.frame, used.method, used.why, plan.pose_interpolated, sure, len(plan.offsets), triangles,
-        100 * triangles / (2 * camera.width * camera.height),
+        used.frame, used.method, used.why, frame.samples.pose_interpolated, sure, len(views.offsets),
+        triangles, 100 * triangles / (2 * camera.width * camera.height),
         parts["own"], parts["borrowed"], parts["inpainted"], median, largest, largest_shown(signed),
-        warped.depth_seconds, warped.mesh_seconds, draw_seconds,
+        frame.depth_seconds, frame.mesh_seconds, frame.draw_seconds,
     )  # fmt: skip
 
 
-def _confidence(warped: WarpedFrame) -> Map | None:
+def _confidence(frame: Frame) -> Map | None:
     """Return the (H, W) confidence of depth; None for given or no depth."""
-    return None if warped.depth is None else warped.depth.confidence
+    return None if frame.depth is None else frame.depth.confidence
+
+
+def notes(frame: Frame) -> tuple[str, ...]:
+    """Return what the user should know of a frame."""
+    number, moved, wished, found = frame.number, frame.steadied, frame.options.stabilize, []
+    if frame.samples.pose_interpolated:
+        found.append(f"Frame {number} was not solved: its camera is interpolated from its neighbours")
+    if moved and moved.strength < wished:
+        found.append(
+            f"Stabilize is {moved.strength:.2f} instead of {wished:.2f}: from a steadier path the camera"
+            " would see what the clip does not show"
+        )
+    if frame.why:
+        found.append(f"Frame {number} uses the method {frame.mesher.name}: {frame.why}")
+    return tuple(found)
 
 
 def summary(used: Iterable[Used], reports: Iterable[FrameReport] = ()) -> str:

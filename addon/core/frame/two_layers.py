@@ -8,11 +8,13 @@ import numpy as np
 from ..base.arrays import LinearRGBA, Map, pixel_centres
 from ..base.errors import UserError
 from ..optics.thin_lens import ThinLens
+from ..warp.layered_mesh import cut
 from .clip_context import ClipContext
-from .frame_path import mesh_frame
+from .frame import Frame
+from .frame_path import prepared_frame
+from .meshers.layers import hidden_colours
 from .passes import distances, in_source
 from .plan import FrameOptions
-from .warped_frame import MeshedFrame
 
 
 @dataclass(frozen=True)
@@ -42,28 +44,30 @@ class TwoLayers:
         }
 
 
-def two_layers(clip: ClipContext, frame: int, options: FrameOptions, size: tuple[int, int]) -> TwoLayers:
+def two_layers(clip: ClipContext, number: int, options: FrameOptions, size: tuple[int, int]) -> TwoLayers:
     """Make the layers of a frame at the clip's size (width, height); passes checkpoints.
 
     The hidden layer extends behind silhouettes as far as the lens of the options sees. Raises UserError as
     `mesh_frame` does, and if the frame cannot be layered.
     """
-    picture = clip.picture(frame, options.highlights)
+    picture = clip.picture(number, options.highlights)
     # Restored light stays in the picture: no discs are drawn here, and no steadier path.
     unlit = replace(options.highlights, gain=0.0)
     plain = replace(options, method="layers", highlights=unlit, stabilize=0.0, sensor=0.0)
-    meshed = mesh_frame(clip, frame, plain, size, picture)
-    if meshed.why:
-        raise UserError(f"frame {frame} cannot be exported in layers: {meshed.why}")
-    return layers_of(meshed)
+    frame = prepared_frame(clip, number, plain, size, picture)
+    if frame.why:
+        raise UserError(f"frame {number} cannot be exported in layers: {frame.why}")
+    return layers_of(frame)
 
 
-def layers_of(meshed: MeshedFrame) -> TwoLayers:
-    """Reduce the layers of a meshed frame to the two nearest."""
-    geometry, splits = meshed.geometry, meshed.surface.layers
-    canvas = geometry.canvas
-    own = splits[0].inner(canvas.pinhole.width, canvas.pinhole.height)
-    front, shift = geometry.picture.copy(), splits[0].front_disparity[own].copy()
+def layers_of(frame: Frame) -> TwoLayers:
+    """Cut a prepared frame, and reduce its layers to the two nearest."""
+    assert frame.depth is not None
+    canvas, lens = frame.canvas, frame.lens
+    splits, wide, _ = cut(frame.picture, frame.depth, lens, hidden_colours(frame), frame.beyond)
+    margin = (wide.shape[0] - frame.picture.shape[0]) // 2
+    own = (slice(margin, -margin),) * 2
+    front, shift = frame.picture.copy(), splits[0].front_disparity[own].copy()
     hidden = np.zeros_like(front)
     behind = np.zeros_like(shift)
     # The first split has the largest silhouettes: it comes last.
@@ -71,7 +75,7 @@ def layers_of(meshed: MeshedFrame) -> TwoLayers:
         at = (split.occluded | split.mixed)[own]
         front[at], shift[at] = split.front[own][at], split.front_disparity[own][at]
         hidden[at], behind[at] = split.back[own][at], split.back_disparity[own][at]
-    depth = partial(_inverse_depth, geometry.lens)
+    depth = partial(_inverse_depth, lens)
     nothing = hidden[..., 3] == 0
     back = np.where(nothing, np.float32(0), depth(behind))
     return TwoLayers(

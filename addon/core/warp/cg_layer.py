@@ -13,6 +13,7 @@ from ..base.nearest_fill import nearest
 from ..camera.reconstruction import Intrinsics
 from ..optics.thin_lens import ThinLens
 from .footprint import prefilter_alone
+from .layer import Layer
 from .mesh import WarpMesh
 
 FAINT = 1e-3
@@ -122,31 +123,29 @@ class CGLayer:
         rectified = np.asarray(lens.rectified(self.inverse_depth, self.places()), np.float64)
         return lens.largest_disc(rectified[self.picture[..., 3] > FAINT])
 
-    def surface(
-        self, lens: ThinLens, views: int, spread: float, discs: Discs = as_displaced
-    ) -> tuple[WarpMesh, LinearRGBA]:
-        """Return the mesh and its texture (h, w, 4), prefiltered for a number of views through a lens.
+    def layer(self, lens: ThinLens, views: int, spread: float, discs: Discs = as_displaced) -> Layer:
+        """Return the layer that is drawn, prefiltered for a number of views through a lens.
 
-        Both reach past the picture as far as the filter does. `spread` is the open part of the aperture, in
+        It reaches past the picture as far as the filter does. `spread` is the open part of the aperture, in
         shares of its radius.
         """
-        widest = (
-            0.0
-            if self.is_sharp
-            else spread * float(lens.footprint(discs(self.displacement(lens), self.places()), views).max())
-        )
+
+        def footprints(of: CGLayer) -> Map:
+            return lens.footprint(discs(of.displacement(lens), of.places()), views)
+
+        widest = 0.0 if self.is_sharp else spread * float(footprints(self).max())
         wide = self._padded(int(np.ceil(widest)) + 2)
-        away = wide.displacement(lens)
         texture = wide.picture.copy()
         if not self.is_sharp:
-            prefilter_alone(texture, np.float32(spread) * lens.footprint(discs(away, wide.places()), views))
+            prefilter_alone(texture, np.float32(spread) * footprints(wide))
         texture[texture[..., 3] < FAINT] = 0
-        inverse = lens.focus + lens.snap_displacement(away).astype(np.float64) / lens.disparity_scale
+        away = lens.snap_displacement(wide.displacement(lens)).astype(np.float64)
+        inverse = lens.focus + away / lens.disparity_scale
         rows, columns = (range(0, n, STEP) for n in inverse.shape)
-        at = np.ix_(rows, columns)
         place = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2) + 0.5
         used, triangles = _used(_triangles(texture[..., 3] > 0))
-        return WarpMesh(place[used] + wide.corner, place[used], inverse[at].ravel()[used], triangles), texture
+        at = inverse[np.ix_(rows, columns)].ravel()[used]
+        return Layer(WarpMesh(place[used] + wide.corner, place[used], at, triangles), texture, False)
 
     def _padded(self, margin: int) -> CGLayer:
         """Pad by at least `margin` empty pixels, to sides of a multiple of `STEP` plus one."""

@@ -19,7 +19,7 @@ from ..base.arrays import Floats, LinearRGBA, Map, Mask, repeated
 from ..base.nearest_fill import of_nearest
 from ..base.progress import checkpoint
 from ..base.side_by_side import side_by_side
-from .layered_depth_image import EXTRAPOLATION, LayeredDepthImage
+from .layer import Layer
 
 TILE = 64
 """Side of a tile in texels, a multiple of all `Level.shrink`; each tile is blurred as widely as it needs."""
@@ -29,8 +29,6 @@ BISECTIONS = 16
 """Steps that find a disc's radius, to a 50,000th."""
 WIDEST = 256.0
 """Widest footprint in texels, wider than most displacements; wider ones are clamped."""
-BURIED = EXTRAPOLATION // 2
-"""Pixels from visible surfaces beyond which nothing behind shows."""
 
 
 @dataclass(frozen=True)
@@ -53,52 +51,39 @@ LEVELS = _levels()
 RADII = np.array([level.radius for level in LEVELS], np.float32)
 
 
-def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: Callable[[Map], Map]) -> None:
-    """Blur the texture (n h, w, 4) of n - 1 layers and the background in place.
+def prefilter(layers: Sequence[Layer], radius: Callable[[Map], Map]) -> None:
+    """Blur the pictures of a frame's layers, near to far, in place.
 
     Near surfaces are blurred together with their alpha, as far as they are drawn; the last one stays opaque.
     No surface bleeds into another. Passes checkpoints.
 
     Args:
-        texture: Premultiplied.
         layers: The layers.
         radius: Returns the footprints' radii (H, W) in pixels of disparities (H, W).
     """
-    width = layers[0].is_far.shape[1]
-    parts = texture.reshape(len(layers) + 1, -1, texture.shape[1], 4)
-    finer = parts.shape[2] // width
+    *fronts, last = layers
     # The background first: in buried places it uses the unblurred texels of the others.
-    last = np.asarray(radius(layers[-1].back_disparity), np.float32)
-    buried = [(part, _buried(layer)) for part, layer in zip(parts, layers, strict=False)]
+    buried = [(each.picture, each.buried) for each in fronts]
     # Tiles read their unblurred neighbours.
-    spare = np.empty_like(parts[-1])
-    _Part(parts[-1], spare, finer, last, buried=buried).blur()
-    parts[-1, ..., 3] = 1
-    for part, layer in zip(parts, layers, strict=False):
-        assert layer.drawn is not None
-        kept = layer.drawn | _goes_on(layer)
-        own = np.where(layer.drawn, radius(layer.drawn_disparity), 0).astype(np.float32)
-        _Part(part, spare, finer, own, kept).blur()
+    spare = np.empty_like(last.picture)
+    _Part(last.picture, spare, np.asarray(radius(last.disparity), np.float32), buried=buried).blur()
+    last.picture[..., 3] = 1
+    for each in fronts:
+        own = np.where(each.covered, radius(each.disparity), 0).astype(np.float32)
+        _Part(each.picture, spare, own, each.covered | _goes_on(each)).blur()
 
 
 def prefilter_alone(texture: LinearRGBA, radius: Map) -> None:
     """Blur a texture (h, w, 4) and its alpha in place by radii (h, w) in texels; passes checkpoints."""
-    _Part(texture, np.empty_like(texture), 1, radius.astype(np.float32)).blur()
+    _Part(texture, np.empty_like(texture), radius.astype(np.float32)).blur()
 
 
-def _goes_on(layer: LayeredDepthImage) -> Mask:
+def _goes_on(layer: Layer) -> Mask:
     """Mark (H, W) pixels past a near surface's triangles, where it is drawn as part of another surface."""
-    assert layer.drawn is not None
-    if layer.drawn.all() or not layer.drawn.any():
-        return layer.drawn
-    alpha, _ = of_nearest(layer.front[..., 3], layer.drawn)
+    if layer.covered.all() or not layer.covered.any():
+        return layer.covered
+    alpha, _ = of_nearest(layer.alpha, layer.covered)
     return alpha > 0.5
-
-
-def _buried(layer: LayeredDepthImage) -> Mask:
-    """Mark (H, W) pixels far behind a near surface, which no view sees."""
-    around = np.ones((2 * BURIED + 1, 2 * BURIED + 1), np.uint8)
-    return np.asarray(layer.occluded & (cv2.dilate(layer.disoccluded.astype(np.uint8), around) == 0))
 
 
 @dataclass(frozen=True)
@@ -108,14 +93,17 @@ class _Part:
     texels: LinearRGBA
     spare: LinearRGBA
     """(h, w, 4) memory for the result."""
-    finer: int
-    """Texels a pixel along each axis."""
     radius: Map
     """(H, W) radii of the footprints in pixels."""
     kept: Mask | None = None
     """(H, W) pixels whose texels are not empty; None for all."""
     buried: Sequence[tuple[LinearRGBA, Mask]] = ()
     """Other parts, whose texels replace its own as neighbours in pixels (H, W)."""
+
+    @property
+    def finer(self) -> int:
+        """Texels a pixel along each axis."""
+        return int(self.texels.shape[1] // self.radius.shape[1])
 
     def blur(self) -> None:
         """Blur in place."""

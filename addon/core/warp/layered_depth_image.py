@@ -67,22 +67,6 @@ class LayeredDepthImage:
     """(H, W) pixels in which the far surface is extrapolated behind the near one."""
     jump: float
     """Pixels of disparity above which neighbours are cut."""
-    margin_reprojected: Mask | None = None
-    """(H, W) pixels past the border with colours from other frames; None without any."""
-    drawn: Mask | None = None
-    """(H, W) pixels covered by triangles of the near surface, rim included; None before triangulation."""
-
-    @property
-    def drawn_disparity(self) -> Map:
-        """(H, W) disparity of the near surface where it is drawn, elsewhere of the visible one."""
-        assert self.drawn is not None
-        return np.where(self.is_far & self.drawn, self.near_disparity, self.front_disparity)
-
-    def inner(self, width: int, height: int) -> tuple[slice, slice]:
-        """Return the rows and columns of the canvas, past whose border the raster extends."""
-        rows, columns = self.mixed.shape
-        top, left = (rows - height) // 2, (columns - width) // 2
-        return slice(top, top + height), slice(left, left + width)
 
 
 def depth_peel(

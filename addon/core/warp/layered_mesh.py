@@ -1,10 +1,11 @@
-"""Warp mesh and texture of a frame with dense depth: its layers in one mesh."""
+"""Layers of a frame with dense depth: their meshes and pictures."""
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
@@ -12,7 +13,8 @@ from ..base.side_by_side import side_by_side
 from ..depth.source import PixelDepth, extended
 from ..optics.thin_lens import ThinLens
 from .disocclusion_fill import HiddenColours
-from .layered_depth_image import Fill, LayeredDepthImage, depth_peel
+from .layer import BORROWED, INPAINTED, OWN, Layer
+from .layered_depth_image import EXTRAPOLATION, Fill, LayeredDepthImage, depth_peel
 from .mesh import WarpMesh
 from .quadtree import COARSEST, DISOCCLUDED_ERROR, Surfaces, Triangles, triangulate
 
@@ -44,6 +46,8 @@ LARGEST_TEXTURE = 8_000_000
 costs 0.04 to 0.16 dB at 640x360 (bars, walk, fence, blocks, 32 px, 16 views) and leaves a phone's frames
 equal to 60 dB; at 1920x1080 it saves a fifth of a frame's time and a third of its memory (scratch scripts;
 `python -m benchmarks.timings.frame_costs`)."""
+BURIED = EXTRAPOLATION // 2
+"""Pixels from visible surfaces beyond which nothing behind shows."""
 WIDEST = 0.25
 """Limit of the displacement from the focal plane, as a share of the long side. Chosen by inspection."""
 
@@ -55,19 +59,64 @@ def layer_mesh(
     hidden: HiddenColours | None = None,
     largest_texture: int = LARGEST_TEXTURE,
     beyond: float = 0.0,
-) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
-    """Make the mesh of a picture through a thin lens, its texture (h, w, 4) and its layers, near to far.
-
-    Triangles are ordered from far to near (Shade et al., "Layered depth images", 1998).
+) -> tuple[Layer, ...]:
+    """Make the layers of a picture through a thin lens, near to far (Shade et al., 1998).
 
     Args:
         picture: (H, W, 4) of the canvas, linear and premultiplied.
         depth: Depth of its pixels and past its border, not `ThinLens.rectified`.
-        thin_lens: Gives the displacement of pixels in views; the mesh's inverse depths are its `rectified`.
+        thin_lens: Gives the displacement of pixels in views; the meshes' inverse depths are its `rectified`.
         hidden: Colours of other frames behind silhouettes and past the border; by default they are inpainted.
-        largest_texture: Most texels of a texture finer than the picture.
+        largest_texture: Most texels of all layers together, if they are finer than the picture.
         beyond: Pixels past the border besides those that the lens's views see, for cameras with another
             direction.
+    """
+    splits, wide, past_border = cut(picture, depth, thin_lens, hidden, beyond)
+    found = triangulated(splits, thin_lens.snap_displacement)
+    covered = []
+    for split, (_, triangles) in zip(splits, found, strict=True):
+        # The near surface is transparent past its silhouettes.
+        split.front[split.is_far & triangles.before] = 0
+        covered.append(triangles.before.copy())
+        covered[-1].ravel()[triangles.cut.ravel()] = True
+    checkpoint(0.8)
+    pictures, fronts = [wide, *(split.back for split in splits)], [split.front for split in splits]
+    finer = FINER if len(pictures) * covered[0].size * FINER**2 <= largest_texture else 1
+    margin = (wide.shape[0] - picture.shape[0]) // 2
+    mesh = partial(_mesh, margin, finer, thin_lens)
+    surfaces, last = [[(made.near, rows.near), (made.own, rows.cut)] for made, rows in found], found[-1]
+    meshes = [mesh([(last[0].far, last[1].far)]), *map(mesh, surfaces)]
+    painted = _refined(pictures, fronts, covered) if finer > 1 else [*fronts, pictures[-1]]
+    origins = _origins(splits, margin, past_border)
+    layers = [
+        Layer(
+            mesh, texels, False, np.where(split.is_far & shown, split.near_disparity, split.front_disparity),
+            _alpha(split, shown), shown, _buried(split), origin, split.jump,
+        )
+        for split, mesh, texels, shown, origin in zip(
+            splits, meshes[1:], painted, covered, origins, strict=False
+        )
+    ]  # fmt: skip
+    whole, far = np.ones_like(covered[0]), splits[-1]
+    layers.append(Layer(
+        meshes[0], painted[-1], True, far.back_disparity, whole.astype(np.float32), whole, ~whole,
+        origins[-1], far.jump,
+    ))  # fmt: skip
+    return tuple(layers)
+
+
+def cut(
+    picture: LinearRGBA,
+    depth: PixelDepth,
+    thin_lens: ThinLens,
+    hidden: HiddenColours | None = None,
+    beyond: float = 0.0,
+) -> tuple[tuple[LayeredDepthImage, ...], LinearRGBA, Mask | None]:
+    """Cut a picture and its surroundings at depth jumps; arguments as of `layer_mesh`.
+
+    Returns:
+        The splits, near to far; the picture with its surroundings (h, w, 4), which has it in its middle; and
+        the pixels (h, w) past the border with colours of other frames, None without any.
     """
     reach, focus = WIDEST * max(picture.shape[:2]), thin_lens.disparity_scale * thin_lens.focus
     fill = None if hidden is None else _fill_of(hidden, picture, thin_lens)
@@ -84,49 +133,52 @@ def layer_mesh(
     checkpoint()
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
     shift = np.pad(shift, margin, mode="edge")
-    margin_reprojected = None
+    past_border = None
     if fill is not None:
         checkpoint(0.05)
-        margin_reprojected = _fill_margin(wide, shift, margin, past, fill)
+        past_border = _fill_margin(wide, shift, margin, past, fill)
     checkpoint(0.1)
     # The extension past the border does not influence the jumps.
     own = np.abs(shift[margin:-margin, margin:-margin])
-    largest = float(own.max())
-    jump = float(np.clip(JUMP * largest, *JUMP_BOUNDS))
+    jump = float(np.clip(JUMP * float(own.max()), *JUMP_BOUNDS))
     # Outliers of depth must not influence the first jump.
-    typical_largest = float(np.percentile(own[::4, ::4], 99.9))
-    first = FIRST_JUMP * typical_largest
+    first = FIRST_JUMP * float(np.percentile(own[::4, ::4], 99.9))
     jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
-    opacity = depth.opacity
-    if opacity is not None:
-        opacity = np.pad(opacity, margin, constant_values=np.nan)
-    behind = None
-    if depth.behind is not None:
-        behind = np.pad(relative(depth.behind), margin, constant_values=np.nan)
-    layers = depth_peel(wide, shift, jumps, fill, opacity, behind)
-    found = triangulated(layers, thin_lens.snap_displacement)
-    surfaces = [(found[-1][0].far, found[-1][1].far, len(layers))]
-    drawn = []
-    checkpoint(0.75)
-    for number, (split, (made, triangles)) in enumerate(zip(layers, found, strict=True)):
-        surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
-        # The near surface is transparent past its silhouettes.
-        split.front[split.is_far & triangles.before] = 0
-        drawn.append(triangles.before.copy())
-        drawn[-1].ravel()[triangles.cut.ravel()] = True
-    checkpoint(0.8)
-    mesh = _joined(surfaces, margin, focus, thin_lens.disparity_scale)
-    pictures, fronts = [wide, *(split.back for split in layers)], [split.front for split in layers]
-    layers = tuple(
-        replace(split, margin_reprojected=margin_reprojected, drawn=covered)
-        for split, covered in zip(layers, drawn, strict=True)
+    opacity, behind = (
+        None if each is None else np.pad(each, margin, constant_values=np.nan)
+        for each in (depth.opacity, None if depth.behind is None else relative(depth.behind))
     )
-    if len(pictures) * shift.size * FINER**2 > largest_texture:
-        return mesh, np.concatenate([*fronts, pictures[-1]]), layers
-    # A pixel's centre is a texel's centre: in the focal plane, views show the frame's own pixels.
-    mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
-    return mesh, _texture(pictures, fronts, drawn), layers
+    return depth_peel(wide, shift, jumps, fill, opacity, behind), wide, past_border
+
+
+def _alpha(split: LayeredDepthImage, covered: Mask) -> Map:
+    """Return the opacity (H, W) of a near surface by its pixels."""
+    # At the free end of a near surface, the surface beside it is another one.
+    past = split.is_far & covered
+    beside = cv2.dilate(past.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return np.where(beside & ~covered, 0, split.front[..., 3])
+
+
+def _buried(split: LayeredDepthImage) -> Mask:
+    """Mark (H, W) pixels far behind a near surface, which no view sees."""
+    around = np.ones((2 * BURIED + 1, 2 * BURIED + 1), np.uint8)
+    return np.asarray(split.occluded & (cv2.dilate(split.disoccluded.astype(np.uint8), around) == 0))
+
+
+def _origins(
+    splits: Sequence[LayeredDepthImage], margin: int, past_border: Mask | None
+) -> list[NDArray[np.uint8]]:
+    """Return the sources (H, W) of light of every surface, near to far."""
+    found = np.full(splits[0].mixed.shape, INPAINTED, np.uint8)
+    found[margin:-margin, margin:-margin] = OWN
+    if past_border is not None:
+        found[past_border] = BORROWED
+    origins = [found]
+    for split in splits:
+        beyond = np.where(split.reprojected, np.uint8(BORROWED), np.uint8(INPAINTED))
+        origins.append(np.where(split.occluded, beyond, origins[-1]))
+    return origins
 
 
 def _fill_of(hidden: HiddenColours, picture: LinearRGBA, thin_lens: ThinLens) -> Fill:
@@ -198,8 +250,8 @@ def triangulated(
     return [(made, triangles) for (made, *_), triangles in zip(jobs, found, strict=True)]
 
 
-def _texture(pictures: list[LinearRGBA], fronts: list[LinearRGBA], drawn: list[Mask]) -> LinearRGBA:
-    """Texture (n h, w, 4) of n - 1 fronts, as differences to the next picture, and the last picture."""
+def _refined(pictures: list[LinearRGBA], fronts: list[LinearRGBA], drawn: list[Mask]) -> Sequence[LinearRGBA]:
+    """Refine (h, w, 4) n - 1 fronts, as differences to the next picture, and the last picture."""
     # A front that is interpolated alone rings along silhouettes.
     height, width = (FINER * n for n in pictures[0].shape[:2])
     texture = np.zeros((len(pictures), height, width, 4), np.float32)
@@ -218,7 +270,7 @@ def _texture(pictures: list[LinearRGBA], fronts: list[LinearRGBA], drawn: list[M
     checkpoint(0.9)
     for part, behind, front, each in zip(texture[:-1], texture[1:], fronts, spans[:-1], strict=True):
         _subtract_behind(part, behind, front[..., 3], each)
-    return texture.reshape(-1, width, 4)
+    return list(texture)
 
 
 def _spans(mask: Mask) -> list[tuple[slice, slice]]:
@@ -274,24 +326,22 @@ def _subtract_behind(
         whole[at] = np.maximum(found, 0, out=found)
 
 
-def _joined(surfaces: list[tuple[Map, Ints, int]], margin: int, focus: float, scale: float) -> WarpMesh:
-    """Join surfaces to one mesh, the first complete; inverse depth is (disparity + focus) / scale."""
-    height, width = surfaces[0][0].shape
-    xy, texture, inverse, triangles = [], [], [], []
-    first = 0
-    for disparity, rows, number in surfaces:
+def _mesh(margin: int, finer: int, lens: ThinLens, surfaces: list[tuple[Map, Ints]]) -> WarpMesh:
+    """Make a mesh of surfaces on one raster; inverse depth is disparity / scale past the focal plane."""
+    width = surfaces[0][0].shape[1]
+    focus, scale = lens.disparity_scale * lens.focus, lens.disparity_scale
+    xy, inverse, triangles, first = [], [], [], 0
+    for disparity, rows in surfaces:
         checkpoint(0.8)
         used, renamed = np.unique(rows, return_inverse=True)
         row, column = np.divmod(used, width)
-        place = np.column_stack([column, row]) + 0.5
-        xy.append(place - margin)
-        texture.append(place + np.array([0, number * height]))
+        xy.append(np.column_stack([column, row]) + 0.5)
         inverse.append((focus + disparity.ravel()[used].astype(np.float64)) / scale)
         triangles.append(renamed.reshape(-1, 3) + first)
         first += len(used)
     checkpoint(0.85)
-    depth, joined = np.concatenate(inverse), np.concatenate(triangles)
-    # Parts that may be half covered come last; complete triangles hide them where they are nearer.
-    last = np.arange(len(joined)) >= len(triangles[0])
-    order = np.lexsort((depth[joined].min(axis=1), last))
-    return WarpMesh(np.concatenate(xy), np.concatenate(texture), depth, joined[order].astype(np.int32))
+    place, depth, rows = np.concatenate(xy), np.concatenate(inverse), np.concatenate(triangles)
+    order = np.argsort(depth[rows].min(axis=1), kind="stable")
+    # A pixel's centre is a texel's centre: in the focal plane, views show the frame's own pixels.
+    texture = finer * (place - 0.5) + 0.5
+    return WarpMesh(place - margin, texture, depth, rows[order].astype(np.int32))

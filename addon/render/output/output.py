@@ -14,7 +14,7 @@ from ...core.base.errors import Remedy, UserError
 from ...core.base.file_lock import OutputLock
 from ...core.base.file_names import check_file, checked_name, leads_nowhere
 from ...core.base.time_left import Clock
-from ...core.frame.warped_frame import forecast
+from ...core.frame.forecast import forecast
 from ...core.media.clip import Footage
 from ...core.media.picture_file import PICTURES
 from ...core.media.sequence import is_pattern

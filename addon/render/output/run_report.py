@@ -12,7 +12,7 @@ from ...core.base.atomic import write_bytes
 from ...core.base.errors import Remedy, UserError
 from ...core.base.file_names import check_file
 from ...core.base.regular_file import read_object
-from ...core.frame.frame_path import Drawn
+from ...core.frame.frame import Frame
 from ...core.frame.inspection import pictures
 from ...core.frame.report import FrameReport, Used, frame_report, summary
 from ...core.sfm.state import is_state_file
@@ -65,14 +65,14 @@ class RunReport:
                 Remedy.OVERWRITE,
             )
 
-    def on_frame(self, drawn: Drawn) -> None:
+    def on_frame(self, frame: Frame) -> None:
         """Add a frame's entry; it is in the file when this returns."""
-        used = Used.of(drawn.warped)
+        used = Used.of(frame)
         self._used[used.frame] = used
         if self._path is None:
             return
-        shares = draw_shares(drawn)
-        self._reports[used.frame] = frame_report(drawn.warped, shares, drawn.seconds)
+        shares = draw_shares(frame)
+        self._reports[used.frame] = frame_report(frame, shares)
         self._write(self._path)
 
     def take_over(self, path: Path) -> None:
@@ -125,11 +125,11 @@ class Inspector:
         """(H, W, 3) sRGB; empty until a frame was drawn to its end."""
         self.report: FrameReport | None = None
 
-    def on_frame(self, drawn: Drawn) -> None:
+    def on_frame(self, frame: Frame) -> None:
         """Keep what the frame was drawn from."""
-        shares = draw_shares(drawn)
-        self.report = frame_report(drawn.warped, shares, drawn.seconds)
-        self.pictures = pictures(drawn.warped, drawn.source, shares)
+        shares = draw_shares(frame)
+        self.report = frame_report(frame, shares)
+        self.pictures = pictures(frame, shares)
 
 
 def write_picture(path: Path, picture: Bytes) -> None:

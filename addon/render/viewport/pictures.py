@@ -17,7 +17,7 @@ from ...core.base.calls import show
 from ...core.base.errors import UserError
 from ...core.base.progress import stage
 from ...core.frame.detail import resized
-from ...core.frame.frame_path import READ, WARPED, Drawn, mesh_frame
+from ...core.frame.frame_path import READ, WARPED, mesh_frame
 from ...core.frame.highlights import HighlightSettings
 from ...core.frame.inspection import SOURCE_VIEWS
 from ...core.frame.inspection import picture as inspected
@@ -207,9 +207,9 @@ def _inspected(wanted: Wanted) -> LinearRGBA:
     with stage("Reading", 0.0, READ):
         source = resized(context.picture(wanted.frame, options.highlights), size)
     with stage("Mesh", READ, WARPED):
-        warped = mesh_frame(context, wanted.frame, options, size, source).through(SOURCE_VIEWS)
-    shares = draw_shares(Drawn(warped, source, 0.0)) if wanted.shows == "sources" else None
-    shown = inspected(wanted.shows, warped, source, shares)
+        frame = mesh_frame(context, wanted.frame, options, size, source).through(SOURCE_VIEWS)
+    shares = draw_shares(frame) if wanted.shows == "sources" else None
+    shown = inspected(wanted.shows, frame, shares)
     return source if shown is None else to_linear(shown)
 
 

@@ -7,6 +7,7 @@ their inverse depth draws exactly what a virtual pinhole camera sees.
 import contextlib
 import ctypes
 import sys
+from collections.abc import Sequence
 
 import bpy
 import gpu
@@ -16,9 +17,11 @@ from numpy.typing import NDArray
 
 from ...core.base.arrays import LinearRGBA
 from ...core.base.errors import UserError
-from ...core.frame.plan import FramePlan
+from ...core.frame.views import Views
 from ...core.frame.vignetting import barrel_rows, matte_box_shift, view_shares
 from ...core.optics.aberrations import COMA_LENGTH
+from ...core.warp.layer import Layer, atlas, joined
+from ...core.warp.mesh import WarpMesh
 from ...scene.gpu.gpu_sweep_shaders import ON_SCREEN, SCREEN
 from ...scene.gpu.main_thread import Steps, draw, leave_shader
 from .quiet import quiet
@@ -175,21 +178,22 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
     return gpu.shader.create_from_info(view), gpu.shader.create_from_info(add)
 
 
-def mean_of_views(plan: FramePlan, picture: LinearRGBA) -> LinearRGBA:
-    """Return the mean of all views of a plan in linear light, in the canvas's geometry.
+def mean_of_views(views: Views, layers: Sequence[Layer]) -> LinearRGBA:
+    """Return the mean of all views of layers in linear light, in the geometry of the views' canvas.
 
-    `picture` is the canvas picture (h, w, 4), linear and premultiplied. Pixels that no triangle covers count
-    as black and transparent. Passes checkpoints between views. Raises UserError where the picture is too
-    large for the GPU or the memory, or the GPU gave nothing or values that are not finite.
+    Pixels that no triangle covers count as black and transparent. Passes checkpoints between views. Raises
+    UserError where the picture is too large for the GPU or the memory, or the GPU gave nothing or values that
+    are not finite.
     """
     limit = gpu.capabilities.max_texture_size_get()
-    width, height = plan.canvas.pinhole.width, plan.canvas.pinhole.height
+    width, height = views.canvas.pinhole.width, views.canvas.pinhole.height
     if max(width, height) > limit:
         raise UserError(
             f"the picture is {width}x{height}, the GPU draws at most {limit} pixels a side; scale it"
         )
     try:
-        mean = draw(_drawing(plan, picture), len(plan.offsets))
+        picture = atlas(layers)
+        mean = draw(_drawing(views, joined(layers), picture), len(views.offsets))
     except MemoryError:
         raise UserError(
             f"there is not enough memory to draw a picture of {width}x{height}; render at a lower percentage"
@@ -202,7 +206,7 @@ def mean_of_views(plan: FramePlan, picture: LinearRGBA) -> LinearRGBA:
     return mean
 
 
-def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
+def _drawing(views: Views, mesh: WarpMesh, picture: LinearRGBA) -> Steps[LinearRGBA]:
     """Draw the views one by one; everything on the GPU is made, used and freed by the thread that steps.
 
     Every window has a GPU context, and between two steps another one may become active. Textures, vertex
@@ -210,7 +214,7 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
     context (`GLVaoCache::context_check`; Vulkan and Metal keep none). Framebuffers belong to the context that
     made them, on OpenGL, Vulkan and Metal alike: each step makes them anew.
     """
-    width, height = plan.canvas.pinhole.width, plan.canvas.pinhole.height
+    width, height = views.canvas.pinhole.width, views.canvas.pinhole.height
     source = upload(picture)
     source.filter_mode(True)
     source.extend_mode("MIRRORED_REPEAT")
@@ -218,15 +222,20 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
     depth = _texture(width, height, "DEPTH_COMPONENT32F")
     total = _texture(width, height)
     view_shader, sum_shader = _shaders()
-    triangles = np.ascontiguousarray(plan.mesh.triangles, dtype=np.int32)
-    mesh = batch_for_shader(view_shader, "TRIS", vertex_arrays(plan, picture), indices=triangles)
+    triangles = np.ascontiguousarray(mesh.triangles, dtype=np.int32)
+    batch = batch_for_shader(view_shader, "TRIS", vertex_arrays(views, mesh, picture), indices=triangles)
     screen = batch_for_shader(sum_shader, "TRIS", {"xy": SCREEN})
     total.clear(format="FLOAT", value=(0.0, 0.0, 0.0, 0.0))
     # From the framebuffer's bottom left, with y up, to pixels from the picture's middle with y down.
-    principal = plan.canvas.pinhole.principal_point
-    middle, matte_box = principal - np.array([0, height]), matte_box_shift(plan)
+    principal = views.canvas.pinhole.principal_point
+    middle, matte_box = principal - np.array([0, height]), matte_box_shift(views)
     coefficients = zip(
-        view_rows(plan), barrel_rows(plan), view_shares(plan), axial_rows(plan), bend_rows(plan), strict=True
+        view_rows(views, mesh),
+        barrel_rows(views),
+        view_shares(views),
+        axial_rows(views),
+        bend_rows(views),
+        strict=True,
     )
     for n, (rows, barrel, share, axial, bend) in enumerate(coefficients):
         yield n
@@ -245,7 +254,7 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
             view_shader.uniform_float("middle", principal.tolist())
             view_shader.uniform_float("bend", bend.tolist())
             view_shader.uniform_sampler("picture", source)
-            mesh.draw(view_shader)
+            batch.draw(view_shader)
         with sum_target.bind():
             # The state is reset by every bind: without this the sum would be the last view alone.
             gpu.state.depth_test_set("NONE")
@@ -263,10 +272,10 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
             gpu.state.blend_set("NONE")
         leave_shader()
         del view_target, sum_target
-    return _download(total, width, height) / np.float32(len(plan.offsets))
+    return _download(total, width, height) / np.float32(len(views.offsets))
 
 
-def vertex_arrays(plan: FramePlan, picture: LinearRGBA) -> dict[str, NDArray[np.float32]]:
+def vertex_arrays(views: Views, mesh: WarpMesh, picture: LinearRGBA) -> dict[str, NDArray[np.float32]]:
     """Return the vertex shader's attributes.
 
     `xy` (V, 2) is in pixels; `texture_xy` (V, 2) in shares of the texture's size; `nearness` (V,) is inverse
@@ -274,55 +283,54 @@ def vertex_arrays(plan: FramePlan, picture: LinearRGBA) -> dict[str, NDArray[np.
     one. The difference is computed here in double precision: on the GPU the focal plane's displacement would
     cancel the last digits.
     """
-    mesh = plan.mesh
     nearest = float(mesh.nearness.max(initial=0.0)) or 1.0
-    contrast = mesh.inverse_depth - plan.lens.focus
+    contrast = mesh.inverse_depth - views.lens.focus
     return {
         "xy": np.ascontiguousarray(mesh.xy, dtype=np.float32),
         "texture_xy": np.ascontiguousarray(mesh.texture_xy / picture.shape[1::-1], dtype=np.float32),
         "nearness": np.ascontiguousarray(mesh.nearness / nearest, dtype=np.float32),
-        "contrast": np.ascontiguousarray(contrast / _largest_contrast(plan), dtype=np.float32),
+        "contrast": np.ascontiguousarray(contrast / _largest_contrast(views, mesh), dtype=np.float32),
     }
 
 
-def view_rows(plan: FramePlan) -> NDArray[np.float32]:
+def view_rows(views: Views, mesh: WarpMesh) -> NDArray[np.float32]:
     """Return coefficients a, b, c, d (N, 2, 4) for each view and axis.
 
     A vertex is seen at a x + b y + c - d contrast, in pixels. `benchmarks.displaced` has these terms in
     another order: here the motion of the focal plane is in c.
     """
-    turn, shift = plan.registration[:, :, :2], plan.canvas.pinhole.focal * plan.offsets
+    turn, shift = views.registration[:, :, :2], views.canvas.pinhole.focal * views.offsets
     turned = np.einsum("nij,nj->ni", turn, shift)
-    rows = np.concatenate([plan.registration, turned[:, :, None]], axis=2)
-    rows[:, :, 2] -= turned * plan.lens.focus
-    rows[:, :, 3] *= _largest_contrast(plan)
-    if sideways := plan.aberrations.anamorphic_focus:
-        rows[:, 0, 2] += plan.reach * sideways * plan.places[:, 0]
+    rows = np.concatenate([views.registration, turned[:, :, None]], axis=2)
+    rows[:, :, 2] -= turned * views.lens.focus
+    rows[:, :, 3] *= _largest_contrast(views, mesh)
+    if sideways := views.aberrations.anamorphic_focus:
+        rows[:, 0, 2] += views.reach * sideways * views.places[:, 0]
     return rows.astype(np.float32)
 
 
-def bend_rows(plan: FramePlan) -> NDArray[np.float32]:
+def bend_rows(views: Views) -> NDArray[np.float32]:
     """Return coefficients (N, 4) of each view's aberrations.
 
     They are its place x, y on the aperture, and the factors of swirl and coma by pixels from the middle.
     """
-    swirl = plan.aberrations.swirl / plan.half_diagonal**2
-    coma = plan.aberrations.coma / COMA_LENGTH / plan.half_diagonal
-    factors = plan.reach * np.array([swirl, coma])
-    return np.column_stack([plan.places, np.tile(factors, (len(plan.offsets), 1))]).astype(np.float32)
+    swirl = views.aberrations.swirl / views.half_diagonal**2
+    coma = views.aberrations.coma / COMA_LENGTH / views.half_diagonal
+    factors = views.reach * np.array([swirl, coma])
+    return np.column_stack([views.places, np.tile(factors, (len(views.offsets), 1))]).astype(np.float32)
 
 
-def axial_rows(plan: FramePlan) -> NDArray[np.float32]:
+def axial_rows(views: Views) -> NDArray[np.float32]:
     """Return shifts (N, 2) in pixels to the right and up that each view of red and blue needs.
 
     They put the focal plane of these colours in register.
     """
-    shift = plan.axial_shift * plan.canvas.pinhole.focal * plan.offsets
-    return np.asarray(np.einsum("nij,nj->ni", plan.registration[:, :, :2], shift) * [1, -1], np.float32)
+    shift = views.axial_shift * views.canvas.pinhole.focal * views.offsets
+    return np.asarray(np.einsum("nij,nj->ni", views.registration[:, :, :2], shift) * [1, -1], np.float32)
 
 
-def _largest_contrast(plan: FramePlan) -> float:
-    return float(np.abs(plan.mesh.inverse_depth - plan.lens.focus).max(initial=0.0)) or 1.0
+def _largest_contrast(views: Views, mesh: WarpMesh) -> float:
+    return float(np.abs(mesh.inverse_depth - views.lens.focus).max(initial=0.0)) or 1.0
 
 
 def upload(picture: LinearRGBA) -> gpu.types.GPUTexture:

@@ -7,7 +7,7 @@ from ...core.base.arrays import Floats
 from ...core.base.errors import UserError
 from ...core.depth.source import SparseDepth
 from ...core.frame.clip_context import ClipContext, no_picture
-from ...core.frame.warped_frame import view_offsets
+from ...core.frame.forecast import view_offsets
 from ..sources.shot import reconstruction_of
 from . import depth_of_field
 from .lens import focus_frame, frame_options

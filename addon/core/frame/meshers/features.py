@@ -4,8 +4,9 @@ from dataclasses import replace
 
 from ...depth.sparse import DepthSamples
 from ...optics.thin_lens import ThinLens
+from ...warp.layer import Layer
 from ...warp.mesh import feature_mesh
-from .mesher import FrameGeometry, Mesher, Surface
+from ..frame import Frame, Mesher
 
 
 def snapped(samples: DepthSamples, lens: ThinLens) -> DepthSamples:
@@ -13,11 +14,11 @@ def snapped(samples: DepthSamples, lens: ThinLens) -> DepthSamples:
     return replace(samples, inverse_depth=lens.snap_to_focal_plane(samples.inverse_depth))
 
 
-def make(geometry: FrameGeometry) -> Surface:
+def make(frame: Frame) -> tuple[Layer, ...]:
     """Triangulate the samples, extrapolated past the border as far as views see."""
-    samples = snapped(geometry.samples, geometry.lens)
-    margin = geometry.lens.margin(samples.inverse_depth) + geometry.beyond
-    return Surface(feature_mesh(samples, geometry.canvas, margin), geometry.picture)
+    samples = snapped(frame.samples, frame.lens)
+    margin = frame.lens.margin(samples.inverse_depth) + frame.beyond
+    return (Layer(feature_mesh(samples, frame.canvas, margin), frame.picture),)
 
 
 MESHER = Mesher(

@@ -2,8 +2,10 @@
 
 from ...base.progress import stage
 from ...optics.thin_lens import ThinLens
+from ...warp.disocclusion_fill import HiddenColours
+from ...warp.layer import Layer
 from ...warp.layered_mesh import WIDEST, layer_mesh
-from .mesher import FrameGeometry, Mesher, Surface, equal_share_views
+from ..frame import Frame, Mesher, equal_share_views
 
 FILLED = 0.25
 """Share of the mesher's time for hidden colours: `frame_costs`, 1920x1080."""
@@ -14,26 +16,23 @@ def can_be_layered(lens: ThinLens, blur: float) -> bool:
     return blur / 2 < WIDEST * max(lens.pinhole.width, lens.pinhole.height)
 
 
-def make(geometry: FrameGeometry) -> Surface:
-    """Make the mesh of the frame's layered depth image, with hidden colours from other frames."""
-    assert geometry.depth is not None
-    hidden = None
-    if geometry.settings.borrow:
-        with stage("Hidden surfaces", 0.0, FILLED):
-            hidden = geometry.clip.hidden_colours(
-                geometry.frame,
-                geometry.canvas,
-                geometry.picture,
-                geometry.depth,
-                geometry.settings.highlights,
-            )
-    quality = geometry.settings.quality
+def hidden_colours(frame: Frame) -> HiddenColours | None:
+    """Return other frames' colours for hidden positions; None if they are not asked for."""
+    assert frame.depth is not None
+    if not frame.options.borrow:
+        return None
+    with stage("Hidden surfaces", 0.0, FILLED):
+        return frame.clip.hidden_colours(
+            frame.number, frame.canvas, frame.picture, frame.depth, frame.options.highlights
+        )
+
+
+def make(frame: Frame) -> tuple[Layer, ...]:
+    """Make the layers of the frame's depth, with hidden colours from other frames."""
+    assert frame.depth is not None
+    hidden, most = hidden_colours(frame), frame.options.quality.largest_texture
     with stage("Mesh", FILLED, 1.0):
-        mesh, texture, layers = layer_mesh(
-            geometry.picture, geometry.depth, geometry.lens, hidden, quality.largest_texture,
-            geometry.beyond,
-        )  # fmt: skip
-    return Surface(mesh, texture, bool(geometry.picture[..., 3].min() > 0.999), layers)
+        return layer_mesh(frame.picture, frame.depth, frame.lens, hidden, most, frame.beyond)
 
 
 MESHER = Mesher(

@@ -1,5 +1,7 @@
 """The thesis's own method, the baseline: pinned corners, random positions, fitted registration."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...base.arrays import Floats
@@ -9,14 +11,16 @@ from ...camera.reconstruction import Reconstruction, seen_by
 from ...depth.sparse import FrameFeatures, frame_features
 from ...focus.focus import Focus, check_points
 from ...optics.aperture_sampling import random_disc
+from ...warp.layer import Layer
 from ...warp.mesh import WarpMesh, delaunay, distinct
-from .mesher import FrameGeometry, Mesher, Surface, Views
+from ..frame import Frame, Mesher
+from ..views import Views
 
 
-def make(geometry: FrameGeometry) -> Surface:
+def make(frame: Frame) -> tuple[Layer, ...]:
     """Triangulate the features and the picture's pinned corners (section 3.4)."""
-    features = frame_features(geometry.clip.reconstruction, geometry.frame, geometry.canvas)
-    return Surface(thesis_mesh(features, geometry.canvas), geometry.picture)
+    features = frame_features(frame.clip.reconstruction, frame.number, frame.canvas)
+    return (Layer(thesis_mesh(features, frame.canvas), frame.picture),)
 
 
 def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
@@ -37,14 +41,13 @@ def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
     )
 
 
-def views(geometry: FrameGeometry, count: int) -> Views:
+def views(frame: Frame, count: int) -> Views:
     """Return random positions on a disc (section 3.5), registered by the picked points (section 3.8)."""
-    reconstruction, settings = geometry.clip.reconstruction, geometry.settings
-    offsets = geometry.lens.radius * random_disc(count, settings.seed)
-    features = frame_features(reconstruction, geometry.frame, geometry.canvas)
-    return Views(
-        offsets, fitted_registration(reconstruction, features, geometry.canvas, offsets, settings.focus)
-    )
+    reconstruction, options, canvas = frame.clip.reconstruction, frame.options, frame.canvas
+    offsets = frame.lens.radius * random_disc(count, options.seed)
+    features = frame_features(reconstruction, frame.number, canvas)
+    registration = fitted_registration(reconstruction, features, canvas, offsets, options.focus)
+    return replace(frame.views, offsets=offsets, registration=registration)
 
 
 def fitted_registration(
