@@ -23,6 +23,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "subjects": (ACCURACY, "masks and depth of people and animals that walk"),
     "surfaces": (ACCURACY, "what fools stereo: cut by the border, slats that repeat, lacquer"),
     "frame_costs": (TIMINGS, "CPU seconds of a frame by stage, and its memory"),
+    "gpu_sweep": (TIMINGS, "the plane sweep on the processor and on the GPU"),
     "real_costs": (TIMINGS, "real clips from command to written file; --profiles: by module (real data)"),
     "view_error": (TIMINGS, "error over the number of views"),
     "whole_runs": (TIMINGS, "a clip from command to written file"),

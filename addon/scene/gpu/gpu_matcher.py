@@ -31,7 +31,7 @@ GPU = "VIRTUAL_APERTURE_GPU"
 """In the environment: 1 lets a software renderer sweep, too, as tests do; 0 lets no GPU, whatever it is."""
 SOFTWARE = ("llvmpipe", "lavapipe", "softpipe", "swrast", "swiftshader", "basic render", "gdi generic")
 """In the names of renderers that are the processor: it sweeps 8 to 12 times as fast without them (`python
--m benchmarks.special gpu_sweep` at 010ab4e6)."""
+-m benchmarks.special gpu_sweep`)."""
 ALIKE, NEARLY_ALL = 0.5, 0.99
 """Levels by which a GPU's result may differ from the processor's, and the share of pixels in which it may not
 differ by more. Chosen by inspection: on software OpenGL and Vulkan no pixel of the small picture differs by
