@@ -89,11 +89,11 @@ def test_timers_and_processes_end(scene: bpy.types.Scene, tmp_path: Path) -> Non
     viewport.PREVIEW.poll()
     events.watch(viewport._tick, 0)
     events.watch(depth_ahead._tick, 0)
-    job = CLIP.job
-    assert job is not None and job.is_running and job.process is not None
+    worker = CLIP.worker
+    assert worker is not None and worker.is_running and worker.process is not None
     addon.unregister()
     try:
-        assert CLIP.job is None and job.process.poll() is not None
+        assert CLIP.worker is None and worker.process.poll() is not None
         assert not bpy.app.timers.is_registered(CLIP._timer)
         assert not bpy.app.timers.is_registered(viewport._tick)
         assert not bpy.app.timers.is_registered(depth_ahead._tick)
