@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 
@@ -156,6 +157,19 @@ def test_a_subject_that_leaves_the_picture_is_not_seen(no_networks: Networks) ->
     assert not subject.cut(15).is_seen
 
 
+def test_only_frames_near_the_marked_one_are_read(no_networks: Networks) -> None:
+    read = set[int]()
+
+    def reading(frame: int) -> np.ndarray:
+        read.add(frame)
+        return picture(frame - 40, (200, 60, 60))
+
+    subject = CarriedSubject(ClipPictures(tuple(range(1, 81)), reading), no_networks, (stroke(1),))
+    far = replace(subject, strokes=(replace(stroke(1), frame=40),))
+    assert overlap(far.mask(42), disc(2)) > 0.8
+    assert read <= set(range(35, 50))
+
+
 def test_motion_separates_what_colours_do_not() -> None:
     mask = disc(3)
     flow = np.zeros((HEIGHT, WIDTH, 2), np.float32)
@@ -181,7 +195,7 @@ def test_a_box_is_a_square_within_the_picture() -> None:
 def test_size_grows_as_flow_says() -> None:
     y, x = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
     flow = 0.03 * np.dstack([x - 200, y - 150])
-    scale = change_of_size(flow, np.ones((HEIGHT, WIDTH), np.float32), disc(5))
+    scale = change_of_size(flow, np.ones((HEIGHT, WIDTH), np.float32), disc(5), 1)
     assert scale == pytest.approx(1.03, abs=0.002)
 
 

@@ -23,12 +23,17 @@ from ..depth.subject_depth import Subject
 from ..media.fixed_area import Fixed, nothing_fixed
 from ..media.picture_file import Pixels
 from ..subjects.clip_subjects import ClipSubject, ClipSubjects, pixel_at, united
+from ..subjects.cut import UNRECOGNISED
 from ..subjects.masked_objects import MaskedObjects
 from ..subjects.people import feet_of, sampled
 from ..subjects.pictures import displayed
 from ..subjects.standing import Standing, SubjectDistance
 from ..subjects.static_depth import StaticDepth
 from ..subjects.strokes import MarkedSubject
+
+LONG = 16
+"""Key frames of a clip from which on the sizes of a recognised subject are measured in these alone: twice as
+many as their drift takes."""
 
 
 @dataclass(frozen=True)
@@ -113,14 +118,23 @@ class MovingParts:
     @remembered()
     def distance(self, subject: ClipSubject) -> SubjectDistance:
         """Return the distance of a subject through the clip."""
-        return self._distance_of(subject.mask, self.subjects.store, f"moving-{subject.key}-sizes")
+        keys = self.subjects.pictures.keys
+        is_long = len(keys) >= LONG and subject.cut(keys[len(keys) // 2]).trust >= UNRECOGNISED
+        name = f"moving-{subject.key}-sizes"
+        return self._distance_of(subject.mask, self.subjects.store, name, keys if is_long else ())
 
     def _distance_of(
-        self, mask: Callable[[int], Mask], store: Store = NOT_KEPT, name: str = ""
+        self,
+        mask: Callable[[int], Mask],
+        store: Store = NOT_KEPT,
+        name: str = "",
+        measured: tuple[int, ...] = (),
     ) -> SubjectDistance:
         pictures = self.subjects.pictures
         if self.reconstruction.stays:
-            return SubjectDistance(pictures, mask, partial(self.inverse_depths, mask), store=store, name=name)
+            return SubjectDistance(
+                pictures, mask, partial(self.inverse_depths, mask), store=store, name=name, measured=measured
+            )
         networks = self.subjects.networks
 
         def feet(frame: int, subject: Mask) -> Floats | None:
@@ -129,7 +143,7 @@ class MovingParts:
         ground = Standing(self.static, self._known, feet)
         return SubjectDistance(
             pictures, mask, partial(ground.inverse_depths, mask), partial(ground.bounds, mask), feet, store,
-            name,
+            name, measured,
         )  # fmt: skip
 
     @cached_property

@@ -165,7 +165,7 @@ class CarriedPlaces:
             shape = self.pictures.picture(start).shape[:2]
             places = grid(shape), np.ones(shape, np.float32)
         for number in range(last + way, to + way, way) if last != to else ():
-            back, certain = flow.there(frames[number], -way)
+            back, certain = flow.there(frames[number], frames[number - way])
             places = warped(places[0], back), np.minimum(warped(places[1], back), certain)
             self._kept.get((at, number), partial(_same, places))
         return places

@@ -18,7 +18,7 @@ from .odds import overlap
 from .pictures import ClipPictures
 from .salient import Look
 from .strokes import Stroke
-from .track import Track
+from .track import Track, stepped
 
 STROKE = 0.01
 """Width of a stroke, over the long side."""
@@ -113,9 +113,9 @@ class CarriedSubject:
         frames = self.pictures.frames
         at = frames.index(frame)
         adds, takes = self.strokes_in(frame)
-        for other in frames[max(at - 1, 0) : at + 2]:
-            there = Track(self.pictures, self.networks, frame, first).cut(other)
-            back = Track(self.pictures, self.networks, other, there).cut(frame)
+        for other in (*frames[max(at - 1, 0) : at], *frames[at + 1 : at + 2]):
+            there = stepped(self.pictures, self.networks, first, frame, other)
+            back = stepped(self.pictures, self.networks, there, other, frame)
             share = np.where(takes, 0, np.where(adds, 1, back.share))
             first = Cut.known(self.pictures.picture(frame), np.asarray(share, np.float32), back.trust)
         return first

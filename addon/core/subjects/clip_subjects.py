@@ -137,18 +137,8 @@ class ClipSubjects:
 
     def _found(self, kind: str, name: str, find: Callable[[], list[Candidate]]) -> list[ClipSubject]:
         """Subjects of a kind, kept under a name as the dots that mark them."""
-
-        def subjects() -> list[CarriedSubject]:
-            followed = distinct(find(), self._by_strokes)
-            if self.store is not NOT_KEPT:
-                # Kept in all frames, as each process would carry them anew.
-                for subject in self._called(kind, followed):
-                    for frame in self.pictures.frames:
-                        subject.share(frame)
-            return followed
-
         entry = Entry(name, ("frames", "counts", "places"), _encoded, self._decoded)
-        kept = self.store.once(entry, subjects)
+        kept = self.store.once(entry, lambda: distinct(find(), self._by_strokes))
         return self._called(kind, kept)
 
     def _called(self, kind: str, carried: Sequence[CarriedSubject]) -> list[ClipSubject]:

@@ -110,20 +110,21 @@ class Cut:
 
 @dataclass(frozen=True)
 class Neighbour:
-    """A frame beside the one in which a subject is cut out."""
+    """A frame near the one in which a subject is cut out."""
 
     flow: Map
     """(h, w, 2) pixels to it."""
     agrees: Map
     """(h, w) in [0, 1], how far flow back returns."""
+    apart: int = 1
+    """Frames between the two."""
 
 
-def neighbours(pictures: ClipPictures, frame: int) -> list[Neighbour]:
-    """Return the frames before and after one; errors as of `ClipPictures.picture`."""
-    at, last = pictures.frames.index(frame), len(pictures.frames) - 1
-    ways = [way for way in (-1, 1) if 0 <= at + way <= last]
-    flow = pictures.flow
-    return [Neighbour(flow.step(frame, way), flow.there(frame, way)[1]) for way in ways]
+def neighbours(pictures: ClipPictures, frame: int, step: int = 1) -> list[Neighbour]:
+    """Return the frames so many before and after one; errors as of `ClipPictures.picture`."""
+    frames, at, flow = pictures.frames, pictures.frames.index(frame), pictures.flow
+    others = [frames[each] for each in (at - step, at + step) if 0 <= each < len(frames)]
+    return [Neighbour(flow.motion(frame, other), flow.there(frame, other)[1], step) for other in others]
 
 
 def first_cut(
@@ -190,7 +191,7 @@ def next_cut(
         picture: (h, w, 3) uint8 RGB.
         before: The subject in the frame before.
         carried: (h, w) its probability there, where flow carries it.
-        neighbours: The frame before, and the one after, whose motion shows what comes into view.
+        neighbours: The frame before, and one after, whose motion shows what comes into view.
 
     Returns:
         The subject; nothing of it where it is not seen any more.
@@ -209,7 +210,8 @@ def next_cut(
     )
     share = np.where(touching(share > 0.5, there), share, np.minimum(share, np.float32(0.3)))
     found = Cut.known(picture, share, trust) if (share > 0.5).any() else before.gone()
-    nearer = change_of_size(neighbours[0].flow, neighbours[0].agrees, there) or 1.0
+    beside = neighbours[0]
+    nearer = change_of_size(beside.flow, beside.agrees, there, beside.apart) or 1.0
     area = before.area / nearer**2
     if not found.is_seen or found.area < LOST * area:
         return before.gone()

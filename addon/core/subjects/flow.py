@@ -56,43 +56,35 @@ class HalfFlow:
 
 @dataclass(frozen=True)
 class ClipFlow:
-    """Dense optical flow between consecutive registered frames, as pictures of one size show them."""
+    """Dense optical flow between frames, as pictures of one size show them."""
 
-    frames: tuple[int, ...]
-    """Registered frames, ascending."""
     picture: Callable[[int], Bytes]
     """A frame's picture (h, w, 3), display-encoded RGB."""
 
-    def step(self, frame: int, way: int) -> Map:
-        """Return the motion (h, w, 2), in pixels, of a frame's pixels to the frame after or before it.
+    def motion(self, frame: int, other: int) -> Map:
+        """Return the motion (h, w, 2), in pixels, of a frame's pixels to another frame near it.
 
         Dense inverse search (Kroeger et al., "Fast optical flow using dense inverse search", 2016).
-
-        Args:
-            frame: Number of the frame.
-            way: 1 for the frame after it, -1 for the one before.
         """
-        return self._half(frame, way).whole
+        return self._half(frame, other).whole
 
     @remembered(KEPT, lambda flow: flow.motion.nbytes)
-    def _half(self, frame: int, way: int) -> HalfFlow:
+    def _half(self, frame: int, other: int) -> HalfFlow:
         checkpoint()
-        other = self.frames[self.frames.index(frame) + way]
         grey = [cv2.cvtColor(self.picture(one), cv2.COLOR_RGB2GRAY) for one in (frame, other)]
         search = cv2.DISOpticalFlow.create(PRESET)
         flow = np.asarray(search.calc(*grey, None), np.float32)  # type: ignore[call-overload]
         return HalfFlow.of(flow)
 
     @remembered(PLACES)
-    def there(self, frame: int, way: int) -> tuple[Map, Map]:
-        """Return the places (h, w, 2) of a frame's pixels in the next, as of `step`, and certainty (h, w).
+    def there(self, frame: int, other: int) -> tuple[Map, Map]:
+        """Return the places (h, w, 2) of a frame's pixels in another one near it, and certainty (h, w).
 
         Certainty in [0, 1] is high where the flow back from there returns to the pixel.
         """
-        flow = self.step(frame, way)
-        other = self.frames[self.frames.index(frame) + way]
+        flow = self.motion(frame, other)
         place = flow + grid(flow.shape[:2])
-        back = warped(self.step(other, -way), place)
+        back = warped(self.motion(other, frame), place)
         miss = cv2.magnitude(*cv2.split(flow + back))
         slack = AGREE + 0.05 * cv2.magnitude(*cv2.split(flow))
         inside = ((place >= 0) & (place <= np.array(flow.shape[1::-1]) - 1)).all(axis=2)
@@ -111,13 +103,14 @@ def warped(values: Map, place: Map) -> Map:
     return np.asarray(found, np.float32)
 
 
-def change_of_size(flow: Map, agrees: Map, mask: Mask) -> float | None:
-    """Estimate how much larger a subject is in the next frame.
+def change_of_size(flow: Map, agrees: Map, mask: Mask, apart: int) -> float | None:
+    """Estimate how much larger a subject is in another frame.
 
     Args:
-        flow: (h, w, 2) pixels to the next frame.
+        flow: (h, w, 2) pixels to the other frame.
         agrees: (h, w) in [0, 1], how far flow back returns.
         mask: (h, w) the subject.
+        apart: Frames between the two.
 
     Returns:
         The scale of the similarity that most flow within it agrees with (RANSAC), None where too little is
@@ -135,4 +128,5 @@ def change_of_size(flow: Map, agrees: Map, mask: Mask) -> float | None:
     if similarity is None:
         return None
     scale = float(np.hypot(similarity[0, 0], similarity[0, 1]))
-    return scale if 1 / LARGEST_CHANGE < scale < LARGEST_CHANGE else None
+    most = LARGEST_CHANGE**apart
+    return scale if 1 / most < scale < most else None

@@ -22,6 +22,10 @@ KEPT = 64 << 20
 """Most bytes of remembered pictures: 150 of 16:9."""
 
 
+EVERY = 4
+"""Frames between key frames."""
+
+
 @dataclass(frozen=True)
 class ClipPictures:
     """Small pictures of a clip's frames."""
@@ -36,10 +40,15 @@ class ClipPictures:
         """Return a frame's picture (h, w, 3), display-encoded RGB. Errors as of `read`."""
         return small(self.read(frame))
 
+    @property
+    def keys(self) -> tuple[int, ...]:
+        """Key frames: every `EVERY`th of the clip, and the last one."""
+        return *self.frames[:-1:EVERY], self.frames[-1]
+
     @cached_property
     def flow(self) -> ClipFlow:
-        """Optical flow between frames that follow each other."""
-        return ClipFlow(self.frames, self.picture)
+        """Optical flow between frames."""
+        return ClipFlow(self.picture)
 
 
 def small(stored: Pixels) -> Bytes:

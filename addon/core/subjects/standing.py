@@ -26,6 +26,7 @@ from ..depth.ground_contact import (
 from ..depth.view_selection import relative_pose
 from .cut import LEAST
 from .flow import change_of_size
+from .people import sampled
 from .pictures import ClipPictures
 from .static_depth import StaticDepth
 
@@ -242,9 +243,8 @@ class SubjectDistance:
     """Inverse depth of a subject in every frame.
 
     An object of constant size has an inverse depth proportional to its size in the picture. Sizes come from
-    flow within the subject, frame by frame; their drift, linear in time, is corrected by the height of the
-    subject's outline. One factor for the clip is the median over the frames in which the subject is seen to
-    stand on the ground.
+    flow within the subject; their drift, linear in time, is corrected by the height of the subject's outline.
+    One factor for the clip is the median over the frames in which the subject is seen to stand on the ground.
     """
 
     pictures: ClipPictures
@@ -260,6 +260,8 @@ class SubjectDistance:
     """Storage of its sizes."""
     name: str = ""
     """Name of its sizes in the storage."""
+    measured: tuple[int, ...] = ()
+    """Frames in which its size is measured, with the first and the last of the clip; all without them."""
 
     def inverse_depth(self, frame: int) -> float | None:
         """Return the inverse depth in 1 / scene units; None where no frame shows where the subject stands."""
@@ -272,44 +274,44 @@ class SubjectDistance:
         return self.store.once(numbers(self.name, len(self.pictures.frames)), self._measured_sizes)
 
     def _measured_sizes(self) -> Floats:
-        frames, flow = self.pictures.frames, self.pictures.flow
-        changes, heights = list[float](), list[float]()
-        for number, frame in enumerate(frames):
+        keys, flow = self.measured or self.pictures.frames, self.pictures.flow
+        at = np.array([self.pictures.frames.index(key) for key in keys])
+        changes, heights, rarely = list[float](), list[float](), max(len(keys) // HEIGHTS, 1)
+        for number, (key, after) in enumerate(zip(keys, (*keys[1:], None), strict=True)):
             checkpoint()
-            mask, scale = self.mask(frame), None
+            mask, scale = self.mask(key), None
             heights.append(_height(mask))
-            if number % max(len(frames) // HEIGHTS, 1) == 0 and _is_cut_off(mask) and not mask[0].any():
-                feet = self.feet(frame, mask)
+            if number % rarely == 0 and _is_cut_off(mask) and not mask[0].any():
+                feet = self.feet(key, mask)
                 heights[-1] = np.nan if feet is None else feet[1] * len(mask) - mask.any(axis=1).argmax()
-            if np.count_nonzero(mask) >= LEAST and number + 1 < len(frames):
-                scale = change_of_size(flow.step(frame, 1), flow.there(frame, 1)[1], mask)
+            if np.count_nonzero(mask) >= LEAST and after is not None:
+                apart = int(at[number + 1] - at[number])
+                scale = change_of_size(flow.motion(key, after), flow.there(key, after)[1], mask, apart)
             changes.append(np.log(scale) if scale else 0.0)
         sizes = np.concatenate([[0.0], np.cumsum(changes[:-1])])
-        known = np.flatnonzero(np.isfinite(heights))
-        known = known[:: max(len(known) // HEIGHTS, 1)]
+        known = np.flatnonzero(np.isfinite(heights))[::rarely]
         if len(known) >= SURE_DRIFT:
             one, other = np.triu_indices(len(known), 1)
             off = np.log(np.array(heights)[known]) - sizes[known]
             # Theil, "A rank-invariant method of linear and polynomial regression analysis", 1950.
-            drift = np.median((off[other] - off[one]) / (known[other] - known[one]))
-            sizes = sizes + drift * np.arange(len(sizes)).clip(known[0], known[-1])
-        return np.asarray(np.exp(sizes))
+            drift = np.median((off[other] - off[one]) / (at[known[other]] - at[known[one]]))
+            sizes = sizes + drift * at.clip(at[known[0]], at[known[-1]])
+        return np.asarray(np.exp(np.interp(np.arange(len(self.pictures.frames)), at, sizes)))
 
     @cached_property
     def _factor(self) -> float | None:
         """Inverse depth over size."""
-        frames = self.pictures.frames
-        shown = [at for at in range(len(frames)) if np.count_nonzero(self.mask(frames[at])) >= LEAST]
-        chosen = np.linspace(0, len(shown) - 1, min(CONTACTS, len(shown)))
-        looked_at = sorted({shown[round(each)] for each in chosen})
-        found = self.standing([frames[at] for at in looked_at])
+        keys = self.measured or self.pictures.frames
+        shown = [key for key in keys if np.count_nonzero(self.mask(key)) >= LEAST]
+        looked_at = sampled(shown, CONTACTS) if shown else []
 
         def factors(inverse: Mapping[int, float]) -> list[float]:
-            return [inverse[frames[at]] / self._sizes[at] for at in looked_at if frames[at] in inverse]
+            at = map(self.pictures.frames.index, inverse)
+            return [each / self._sizes[number] for each, number in zip(inverse.values(), at, strict=True)]
 
-        if found:
+        if found := self.standing(looked_at):
             return float(np.median(factors(found)))
-        bounds = factors(self.bounds([frames[at] for at in looked_at]))
+        bounds = factors(self.bounds(looked_at))
         return float(np.quantile(bounds, HIDDEN)) if bounds else None
 
 
