@@ -49,8 +49,8 @@ def nearest_subject(clip: ClipContext, networks: Networks | None = None) -> Plac
         places = [clip.subject_place(subject.name, frame) for subject in shown]
         nearest = int(np.argmin([place.distance for place in places]))
         subject, followed = shown[nearest], places[nearest].followed
-        keys = clip.parts.subjects.pictures.keys
-        seen = [each for each in (frame, *keys) if subject.mask(each).mean() >= least]
+        keys = dict.fromkeys((frame, *clip.parts.subjects.pictures.keys))
+        seen = [each for each in keys if subject.mask(each).mean() >= least]
         middle = sorted(seen, key=lambda each: followed[each])[len(seen) // 2]
         mask, face = subject.mask(middle), None
         if kind == "person":
