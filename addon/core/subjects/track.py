@@ -25,11 +25,11 @@ far away."""
 class Track:
     """A subject carried both ways from one frame through key frames, as far as it was asked for.
 
-    Key frames are those of `ClipPictures.keys`, and others between them where the subject changes much. Where
-    no network recognises it, every frame is one: a drawn disc that moves 9 pixels a frame has an intersection
-    over union of 0.36 after a step of four frames. Between two key frames flow carries the subject from both,
-    the nearer one counts more, and the built-in networks look again. So a frame costs the key frames between
-    it and the first one. Errors as of `ClipPictures.picture`.
+    Key frames are those of `ClipPictures.keys`, and others between them where the subject changes much. Every
+    frame is a key frame of a subject that no network recognises: a drawn disc that moves 9 pixels a frame has
+    an intersection over union of 0.36 after a step of four frames. Between two key frames flow carries the
+    subject from both, the nearer one counts more, and the built-in networks look again. So a frame costs the
+    key frames between it and the first one. Errors as of `ClipPictures.picture`.
     """
 
     pictures: ClipPictures
