@@ -90,24 +90,17 @@ def mesh_frame(
     `source` (H, W, 4) is the same picture at the final size, if that is another one. Passes checkpoints.
     Raises UserError if the settings do not fit the frame, or the clip cannot be read.
     """
-    began, frame = time.perf_counter(), prepared_frame(clip, number, options, size, small, draw_cg, source)
+    began = time.perf_counter()
+    opened = open_frame(clip, number, options, size, small)
+    frame = prepared(replace(opened, draw_cg=draw_cg, source=source if source.size else small))
     with stage("Mesh", DEEP if frame.is_layered else 0.0, 1.0):
         layers = frame.mesher.make(frame)
     return replace(frame, layers=layers, mesh_seconds=time.perf_counter() - began - frame.depth_seconds)
 
 
-def prepared_frame(
-    clip: ClipContext,
-    number: int,
-    options: FrameOptions,
-    size: tuple[int, int],
-    small: LinearRGBA,
-    draw_cg: DrawCG | None = None,
-    source: LinearRGBA = NO_PICTURE,
-) -> Frame:
-    """Prepare a frame for its layers, as `mesh_frame`: with its depth and the effects before."""
-    frame = open_frame(clip, number, options, size, small)
-    frame = _with_depth(replace(frame, draw_cg=draw_cg, source=source if source.size else small))
+def prepared(frame: Frame) -> Frame:
+    """Add the depth of an opened frame, and the effects before its layers; errors as of `mesh_frame`."""
+    frame = _with_depth(frame)
     for effect in EFFECTS:
         frame = effect.before(frame)
     return frame

@@ -10,8 +10,9 @@ from ..base.errors import UserError
 from ..optics.thin_lens import ThinLens
 from ..warp.layered_mesh import cut
 from .clip_context import ClipContext
+from .forecast import open_frame
 from .frame import Frame
-from .frame_path import prepared_frame
+from .frame_path import prepared
 from .meshers.layers import hidden_colours
 from .passes import distances, in_source
 from .plan import FrameOptions
@@ -54,7 +55,7 @@ def two_layers(clip: ClipContext, number: int, options: FrameOptions, size: tupl
     # Restored light stays in the picture: no discs are drawn here, and no steadier path.
     unlit = replace(options.highlights, gain=0.0)
     plain = replace(options, method="layers", highlights=unlit, stabilize=0.0, sensor=0.0)
-    frame = prepared_frame(clip, number, plain, size, picture)
+    frame = prepared(open_frame(clip, number, plain, size, picture))
     if frame.why:
         raise UserError(f"frame {number} cannot be exported in layers: {frame.why}")
     return layers_of(frame)
