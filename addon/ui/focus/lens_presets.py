@@ -44,7 +44,9 @@ class VIRTUAL_APERTURE_OT_use_lens_preset(Acts, bpy.types.Operator):  # noqa: N8
         kept = ("highlights", "f_stop") if settings.by_f_stop else ("highlights",)
         try:
             preset = bokeh.read_preset(Path(self.filepath))
-            settings.property_unset("shape")
+            for key in (*APERTURE_OPTIONS, "image"):
+                # Unsetting the whole group frees memory that others refer to.
+                settings.shape.property_unset(key)
             for key, value in preset["shape"].items():
                 setattr(settings.shape, key, value)
             for key in kept:
