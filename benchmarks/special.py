@@ -22,6 +22,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "room": (ACCURACY, "depth of a real room against a sensor's (real data)"),
     "subjects": (ACCURACY, "masks and depth of people and animals that walk"),
     "surfaces": (ACCURACY, "what fools stereo: cut by the border, slats that repeat, lacquer"),
+    "first_frames": (TIMINGS, "a first frame by the length of its clip (real data)"),
     "frame_costs": (TIMINGS, "CPU seconds of a frame by stage, and its memory"),
     "gpu_sweep": (TIMINGS, "the plane sweep on the processor and on the GPU"),
     "real_costs": (TIMINGS, "real clips from command to written file; --profiles: by module (real data)"),

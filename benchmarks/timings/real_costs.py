@@ -64,7 +64,7 @@ class RealClip:
     def solve(self, profiles: Path | None = None) -> Run:
         """Solve the clip into a new folder."""
         shutil.rmtree(self.work, ignore_errors=True)
-        return self._run("solve", profiles, self.file, "--work", self.work)
+        return self.run("solve", profiles, self.file, "--work", self.work)
 
     def render(self, count: int, focus: tuple[float, float], profiles: Path | None = None) -> Run:
         """Render frames from the middle on."""
@@ -73,13 +73,14 @@ class RealClip:
         shutil.rmtree(out, ignore_errors=True)
         at = f"{focus[0]},{focus[1]}@{middle}"
         words = ("--focus-at", at, "--blur", BLUR, "--frames", f"{middle}-{middle + count - 1}")
-        return self._run("render", profiles, self.work, *words, "--out", out / "####.png")
+        return self.run("render", profiles, self.work, *words, "--out", out / "####.png")
 
     def forget(self) -> None:
         """Remove what is kept beside the solve."""
         shutil.rmtree(self.work / "depth", ignore_errors=True)
 
-    def _run(self, what: str, profiles: Path | None, *words: object) -> Run:
+    def run(self, what: str, profiles: Path | None, *words: object) -> Run:
+        """Run a command of the program; its profiles go to a folder if there is one."""
         environment = dict(os.environ)
         if profiles is not None:
             profiles.mkdir(parents=True)

@@ -1,0 +1,88 @@
+"""What a first frame costs by the length of its clip: `python -m benchmarks.special first_frames`.
+
+Real clips are played forwards and backwards until they are as long as each length, so that all lengths
+show the same subjects. Each is solved; then one frame is rendered twice by the command line, each time with
+nothing kept: with a click on the subject, and with nothing picked. Clips that are not there are left out, and
+named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from addon.core.media.clip import open_footage
+
+from .. import store
+from ..coded import encode
+from .real_costs import BLUR, RealClip, opened
+from .whole_runs import HEADLESS, Run
+
+CLIPS = {
+    "clips/still_garden_shaky_1.mp4": (0.5, 0.5),
+    "clips/person_walk_away_1.mp4": (0.47, 0.62),
+    "clips/people_two_portrait_1.mp4@540": (0.22, 0.35),
+}
+"""Clips without a subject, with one and with two, and a place on the subject in frame `FRAME`."""
+LENGTHS = (60, 180, 360)
+FRAME = 30
+HEADS = "| clip | frames | solve, CPU s | first frame, a click: CPU s | first frame, nothing picked: CPU s |"
+
+
+def lengthened(clip: RealClip, frames: int) -> RealClip:
+    """The clip, played forwards and backwards for so many frames."""
+    footage = open_footage(clip.file)
+    there = [*footage.frames, *footage.frames[-2:0:-1]]
+    numbers = (there[number % len(there)] for number in range(frames))
+    shown = (np.asarray(footage.read(number)[..., :3], np.uint8) for number in numbers)
+    folder = clip.folder / str(frames)
+    return replace(clip, file=encode(shown, folder / "clip.mp4", crf=16), folder=folder, frames=frames)
+
+
+def first_frame(clip: RealClip, *words: object) -> Run:
+    """Render frame `FRAME` with nothing kept but the solve."""
+    clip.forget()
+    out = clip.folder / "out"
+    shutil.rmtree(out, ignore_errors=True)
+    frame = ("--frames", f"{FRAME}-{FRAME}")
+    return clip.run("render", None, clip.work, *words, "--blur", BLUR, *frame, "--out", out / "####.png")
+
+
+def rows(clip: RealClip, focus: tuple[float, float], lengths: tuple[int, ...]) -> Iterator[str]:
+    """Rows of a clip by its length."""
+    for frames in lengths:
+        longer = lengthened(clip, frames)
+        solved = longer.solve()
+        clicked = first_frame(longer, "--focus-at", f"{focus[0]},{focus[1]}@{FRAME}")
+        plain = first_frame(longer)
+        yield f"| {clip.name} | {frames} | {solved.cpu_s:.1f} | {clicked.cpu_s:.1f} | {plain.cpu_s:.1f} |"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--clips", nargs="+", default=list(CLIPS), choices=list(CLIPS))
+    parser.add_argument("--lengths", nargs="+", type=int, default=LENGTHS)
+    parser.add_argument("--program", type=Path, default=HEADLESS, help="addon/headless.py of a checkout")
+    options = parser.parse_args()
+    print(store.provenance())
+    print(HEADS, "|" + "---|" * (HEADS.count("|") - 1), sep="\n", flush=True)
+    with tempfile.TemporaryDirectory(prefix="virtual-aperture-bench-") as folder:
+        for number, name in enumerate(options.clips):
+            clip = opened(name, Path(folder) / str(number), options.program.absolute())
+            if clip is None:
+                print(f"not there: {name}", file=sys.stderr)
+                continue
+            for line in rows(clip, CLIPS[name], tuple(options.lengths)):
+                print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
