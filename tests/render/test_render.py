@@ -112,7 +112,7 @@ ROUND: dict[float, np.ndarray] = {}
     "shape",
     [
         pytest.param(Aperture(blades=3, rotation=0.3), marks=pytest.mark.long),
-        Aperture(blades=5, rotation=-0.2),
+        pytest.param(Aperture(blades=5, rotation=-0.2), marks=pytest.mark.long),
         pytest.param(Aperture(ratio=1.8), marks=pytest.mark.long),
         pytest.param(Aperture(blades=6, rotation=0.1, ratio=1.4), marks=pytest.mark.long),
     ],

@@ -57,6 +57,7 @@ def subjects(shown: Callable[[int], Bytes], store: Store) -> ClipSubjects:
     return ClipSubjects(filmed(walls.with_disc).reconstruction, shown, store, Networks(walls.NONE))
 
 
+@pytest.mark.long
 def test_objects_are_found_once(tmp_path: Path) -> None:
     (found,) = subjects(walls.with_disc, Store(tmp_path, lambda: "a")).objects
     first = found.mask(16)

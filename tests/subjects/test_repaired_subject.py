@@ -39,6 +39,7 @@ def test_what_is_painted_nearer_is_followed_nearer(clip: walls.Filmed) -> None:
         assert found.followed[frame] == pytest.approx(before.followed[frame] / 2, rel=0.05), frame
 
 
+@pytest.mark.long
 def test_what_is_painted_as_the_near_wall_is_as_near(clip: walls.Filmed) -> None:
     found = repaired_subject(clip, "disc", PAINTED, [repair("same", reference=NEAR_WALL)])
     assert found.distance == pytest.approx(NEAR, rel=0.1)

@@ -109,6 +109,7 @@ def test_people_give_a_scale_that_is_marked_as_a_guess(
     assert settings.guessed_scale == settings.metres_per_unit == 0
 
 
+@pytest.mark.long
 def test_focus_follows_the_nearest_person(scene: bpy.types.Scene, tmp_path: Path) -> None:
     if not Networks().exist:
         pytest.skip("the networks are not in addon/networks: run tools/networks.py")

@@ -150,6 +150,7 @@ def walls_in(scene: bpy.types.Scene, folder: Path) -> bpy.types.PropertyGroup:
     return build(scene, footage, walls.filmed(walls.with_disc, FEW).reconstruction)
 
 
+@pytest.mark.long
 def test_a_picked_focus_takes_the_object_that_is_clicked(
     scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -164,6 +165,7 @@ def test_a_picked_focus_takes_the_object_that_is_clicked(
     assert mark.frame == FRAME and len(mark.places[0].followed) == len(FEW)
 
 
+@pytest.mark.long
 def test_a_subject_is_carried_and_in_focus(
     scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
