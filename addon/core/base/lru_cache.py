@@ -22,6 +22,8 @@ class LRUCache[V]:
     def __init__(self, limit: float = MOST, size: Callable[[V], int] = lambda value: 1) -> None:
         self._limit, self._size = limit, size
         self._kept: OrderedDict[Hashable, V] = OrderedDict()
+        self._held = 0
+        """Sum of the values' sizes."""
         self._lock = Lock()
 
     def __contains__(self, key: Hashable) -> bool:
@@ -41,10 +43,12 @@ class LRUCache[V]:
         # Outside the lock: making may take seconds, and use other caches.
         value = make()
         with self._lock:
+            if key in self._kept:
+                self._held -= self._size(self._kept.pop(key))
             self._kept[key] = value
-            self._kept.move_to_end(key)
-            while len(self._kept) > 1 and sum(map(self._size, self._kept.values())) > self._limit:
-                self._kept.popitem(last=False)
+            self._held += self._size(value)
+            while len(self._kept) > 1 and self._held > self._limit:
+                self._held -= self._size(self._kept.popitem(last=False)[1])
         return value
 
 

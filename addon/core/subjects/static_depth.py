@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,7 +12,7 @@ import numpy as np
 from ..base.arrays import Map, Mask
 from ..base.lru_cache import remembered
 from ..base.progress import checkpoint
-from ..base.store import NOT_KEPT, Store
+from ..base.store import NOT_KEPT, Entry, Store
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
 from ..depth.map_fusion import fused
@@ -67,6 +67,12 @@ class StaticDepth:
         """Return a mask over the source frame, of any size, on that picture (h, w)."""
         return self._shown.on_canvas(image, mask)
 
+    def prefetch(self, frames: Iterable[int]) -> None:
+        """Read the pictures for `inverse_depth` of frames in the order of the clip."""
+        near = {image.frame for frame in frames for image in self._around(frame)}
+        is_kept = self.store.is_kept
+        self._sweep.prefetch([each for each in sorted(near) if not is_kept(self._entry(each).name)])
+
     def inverse_depth(self, frame: int, moving: Callable[[int], Mask]) -> Map:
         """Estimate the inverse depth of the static scene in a frame, also behind moving objects.
 
@@ -98,11 +104,10 @@ class StaticDepth:
 
     @remembered(8 * SIDES)
     def _depth(self, frame: int) -> DenseDepth:
-        def find() -> DenseDepth:
-            self._sweep.prefetch([frame])
-            return self._sweep.at(frame)
+        return self.store.get(self._entry(frame), lambda: self._sweep.at(frame))
 
-        return self.store.get(depth_entry("coarse", frame, self._sweep.pinhole(frame)), find)
+    def _entry(self, frame: int) -> Entry[DenseDepth]:
+        return depth_entry("coarse", frame, self._sweep.pinhole(frame))
 
     def _around(self, frame: int) -> list[Image]:
         """The source frames of a frame."""
