@@ -26,17 +26,15 @@ LONGEST, LONGEST_IN_FRAME = 1500, 60
 """Number of the clip's longest tracks that take part in an adjustment, and of each frame's beside them."""
 
 
-def refine_focal_length(made: Solution, start: float, known: float) -> tuple[float, bool]:
+def refine_focal_length(made: Solution, start: float, known: float) -> float:
     """Refine the focal length by the clip, with `start` as a prior of relative sigma `known`.
 
     With a path of a few per cent of the depth the focal length is hardly determined; in a walk straight ahead
-    it is not determined. The covariance shows it, if whole tracks are its units.
-
-    Returns:
-        The relative sigma of the result, and whether the clip's part of it is larger than the prior's.
+    it is not determined. The covariance shows it, if whole tracks are its units. Returns the relative sigma
+    of the result, which is below `known` / sqrt(2) where the clip's part is larger than the prior's.
     """
     if known == 0:
-        return 0.0, False
+        return 0.0
     bundle, seen, posed, kept = as_bundle(made)
     freed = adjust(bundle, seen, made.max_error / 2, "common")
     sigma = max(UNMODELLED * freed.focal_sigma, 1e-4)
@@ -46,7 +44,7 @@ def refine_focal_length(made: Solution, start: float, known: float) -> tuple[flo
     refined = adjust(replace(freed.bundle, focal=np.full(len(posed), wanted)), seen, made.max_error / 2)
     made.focal[:] = wanted
     put_back(made, refined.bundle, posed, kept)
-    return float(1 / np.sqrt(1 / known**2 + 1 / sigma**2)), weight > 0.5
+    return float(1 / np.sqrt(1 / known**2 + 1 / sigma**2))
 
 
 def as_bundle(

@@ -9,7 +9,8 @@ adjusted once more. A zoom is taken out of the tracks before, and given back to 
 keyframes.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
 import cv2
@@ -29,7 +30,7 @@ from ..calibration.stationary import WEAK, DepthEvidence, depth_evidence
 from ..tracking.degeneracy import StaysError, check_motion, only_turns
 from ..tracking.tracks import Progress, Tracks
 from .keyframes import START_FOCAL, adjust, keyframe_features, keyframes, map_keyframes
-from .report import STAYS
+from .report import EXPLAINED, STAYS
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,13 @@ class FocalPrior:
     """True if the focal length changes over the clip."""
 
     @property
-    def free(self) -> bool:
-        """No focal length was given that is to be held."""
-        return self.focal is None or self.sigma > 0
+    def known(self) -> float:
+        """Relative standard deviation of the focal length to begin with; 0 holds it."""
+        return self.sigma if self.focal else START_SIGMA
+
+    def start(self, tracks: Tracks) -> float:
+        """Return pixels of focal length to begin with."""
+        return self.focal or START_FOCAL * max(tracks.width, tracks.height)
 
 
 # Chosen by inspection where no line below gives a measurement; checked by the solves of `make bench-solve`.
@@ -63,9 +68,6 @@ still camera can reach it."""
 DOUBTFUL_PARALLAX = 10.0
 """Pixels of a 1,000-pixel frame that no rotation explains; with less, the clip's halves are to find the
 same depths."""
-GOOD_EXPLAINED = 0.8
-"""Share of the observations that a good solve explains; less, and something moves by itself or went
-wrong: other ways are tried."""
 MIN_FOLLOWED = 0.25
 """Share of the observations that pairs of pictures must explain for other pairs to be tried: they bring 0.46
 to 0.65 in a busy restaurant, and nothing to a walk ahead with 0.22 and to nearly static cameras."""
@@ -129,9 +131,7 @@ def reconstruct(tracks: Tracks, prior: FocalPrior, progress: Progress, may_stay:
 
 def staying(tracks: Tracks, prior: FocalPrior, progress: Progress) -> Mapped:
     """Solve a clip by how the camera turns in its place; arguments and errors as of `reconstruct`."""
-    focal = prior.focal or START_FOCAL * max(tracks.width, tracks.height)
-    known = prior.sigma if prior.focal else START_SIGMA
-    found = turned(tracks, focal, known, progress)
+    found = turned(tracks, prior.start(tracks), prior.known, progress)
     share = solution.explained(found.solution)
     reconstruction = solution.collect(found.solution)
     if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
@@ -145,19 +145,13 @@ def staying(tracks: Tracks, prior: FocalPrior, progress: Progress) -> Mapped:
 def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progress) -> Mapped:
     """A camera that leaves its place, with a `parallax` in pixels of a 1,000-pixel frame."""
     keys = keyframes(tracks)
-    start = prior.focal or START_FOCAL * max(tracks.width, tracks.height)
-    solver = _Keyframes(keys, start, prior, parallax, progress)
-    found, ratio = solver.zoom_or_not(tracks)
-    depth = _depth(found.solution)
-    if ratio is None and not found.searched:
-        found = solver.with_lens(found)
-        if found.lens is not None:
-            depth = _depth(found.solution)
+    found, ratio = _Keyframes(keys, prior, parallax, progress).zoom_or_not(tracks)
     best, lens = found.solution, found.lens
+    depth = _depth(best)
     weak, sigma = None, found.focal_sigma
     if depth is not None and depth.uncertainty >= WEAK:
         # A lens that is taken for depth is taken for a focal length, too.
-        weak, sigma = depth.uncertainty, max(sigma, prior.sigma if prior.focal else START_SIGMA)
+        weak, sigma = depth.uncertainty, max(sigma, prior.known)
     refuse_shifted(best, keys)
     if ratio is not None:
         self_calibration.refine_zoom(best, tracks, ratio)
@@ -182,9 +176,10 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progre
     reconstruction = solution.collect(best)
     if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
         raise UserError("too few points could be placed in 3D; film with more sideways movement")
+    from_clip = found.focal_sigma < prior.known / 2**0.5
     return Mapped(
         normalise(reconstruction if lens is None else lens.recording(reconstruction)), found.method, sigma,
-        found.focal_from_clip, parallax, explained, ratio is not None, depth, weak, lens,
+        from_clip, parallax, explained, ratio is not None, depth, weak, lens,
     )  # fmt: skip
 
 
@@ -211,15 +206,12 @@ class _Found:
     solution: Solution
     method: str
     focal_sigma: float
-    focal_from_clip: bool
     explained: float
     """Share of the keyframes registered times the share of their observations that take part."""
     score: float
     """Share of the keyframes' observations that is explained, by closeness; 1 is all."""
     lens: Lens | None = None
     """The lens that was removed from the tracks."""
-    searched: bool = False
-    """A lens was looked for."""
 
 
 @dataclass(frozen=True)
@@ -228,19 +220,15 @@ class _Keyframes:
 
     keys: list[int]
     """Indices of the clip's frames."""
-    start: float
-    """Pixels of focal length to begin with."""
     prior: FocalPrior
     parallax: float
     """Pixels of a 1,000-pixel frame that no rotation explains."""
     progress: Progress
 
     def zoom_or_not(self, tracks: Tracks) -> tuple[_Found, Floats | None]:
-        """Solve the keyframes; also returns the zoom (F,), if the lens zooms unannounced."""
+        """Solve the keyframes; also returns the zoom (F,), if the lens zooms."""
         found = None if self.prior.zooms else self._solution(tracks)
-        if found is not None and not found.searched and found.explained < GOOD_EXPLAINED:
-            found = self.with_lens(found)
-        if found is not None and (not self.prior.free or found.explained >= GOOD_EXPLAINED):
+        if found is not None and (self.prior.known == 0 or found.explained >= EXPLAINED):
             return found, None
         ratio = self_calibration.zoom_ratios(tracks)
         if found is not None and ratio.max() < MIN_GROWTH * ratio.min():
@@ -250,61 +238,22 @@ class _Keyframes:
             return found, None
         return other, ratio
 
-    def with_lens(self, found: _Found) -> _Found:
-        """Remove the lens that the keyframes show from the tracks."""
-        self.progress("Looking for a lens", 0, 1)
-        told = find_lens(found.solution, self.start, self._known)
-        if told is None:
-            return replace(found, searched=True)
-        made = told.solution
-        share, score = self._explained(made)
-        from_clip = told.focal_sigma < self._known / np.sqrt(2)
-        return _Found(made, found.method, told.focal_sigma, from_clip, share, score, told.lens, True)
-
-    @property
-    def _known(self) -> float:
-        """Relative standard deviation of the focal length to begin with; 0 holds it."""
-        return self.prior.sigma if self.prior.focal else START_SIGMA
-
-    def _explained(self, made: Solution) -> tuple[float, float]:
-        """As `_Found.explained` and `_Found.score`."""
-        posed = float(np.isfinite(made.translation[self.keys, 0]).mean())
-        return solution.explained(made) * posed, solution.score(made, self.keys)
-
-    def _is_doubtful(self, found: _Found | None) -> bool:
-        """Whether there is little parallax, and no solve, or one whose halves do not agree on depths."""
-        if self.parallax >= DOUBTFUL_PARALLAX or found is None:
-            return self.parallax < DOUBTFUL_PARALLAX
-        return self_calibration.halves_disagree(found.solution)
-
     def _solution(self, tracks: Tracks, bends: bool = True) -> _Found:
-        """The best solution of all methods, or UserError; with `bends` the lens may bend to save it."""
+        """The best solution of all methods, without its lens if the lens `bends`; or UserError."""
         found: list[_Found] = []
-        good, focal = GOOD_EXPLAINED, self.start
-
-        def keep(made: Solution | None, method: str) -> None:
-            if made is not None:
-                self.progress("Settling the focal length", 0, 1)
-                if (judged := self._judged(made, method)) is not None:
-                    found.append(judged)
-
-        if self.parallax >= MIN_PARALLAX:
-            keep(self._by_pairs(tracks, focal), "pairs")
-            if found and MIN_FOLLOWED < found[0].explained < good:
-                # It may have followed a moving object: its tracks are removed, and the rest tried.
-                keep(self._by_pairs(_without(tracks, found[0].solution), focal, tracks), "pairs")
-                if self.prior.free and max(found, key=lambda each: each.score).explained < good:
-                    # Or it began with too short a lens and holds a flat background for all there is.
-                    keep(self._by_pairs(tracks, LONGER_FOCAL * focal), "pairs")
-        if not found or max(each.explained for each in found) < good:
-            keep(self._at_once(tracks), "at once")
+        for method, made in self._attempts(tracks, found):
+            self.progress("Settling the focal length", 0, 1)
+            if made is not None and (judged := self._judged(made, method)) is not None:
+                found.append(judged)
+            if any(each.explained >= EXPLAINED for each in found):
+                break
         best = max(found, key=lambda each: each.score, default=None)
-        doubtful = self._is_doubtful(best)
-        if doubtful and bends and best is not None:
-            # Distortion may be taken for depth, a different one in each half.
-            best = self.with_lens(best)
-            doubtful = self._is_doubtful(best)
-        if doubtful:
+        if best is not None and bends:
+            best = self._with_lens(best)
+        # Distortion may be taken for depth, a different one in each half.
+        if self.parallax < DOUBTFUL_PARALLAX and (
+            best is None or self_calibration.halves_disagree(best.solution)
+        ):
             raise only_turns(
                 f"{self.parallax:.2f} of 1000 px are not explained by turning, and do not agree on depth"
             )
@@ -316,16 +265,45 @@ class _Keyframes:
             )
         return best
 
+    def _attempts(self, tracks: Tracks, found: list[_Found]) -> Iterator[tuple[str, Solution | None]]:
+        """Methods and their solutions, the cheapest first; `found` holds those before that were good."""
+        start = self.prior.start(tracks)
+        if self.parallax >= MIN_PARALLAX:
+            yield "pairs", self._by_pairs(tracks, start)
+            if found and found[0].explained > MIN_FOLLOWED:
+                # It may have followed a moving object: its tracks are removed, and the rest tried.
+                yield "pairs", self._by_pairs(_without(tracks, found[0].solution), start, tracks)
+                if self.prior.known > 0:
+                    # Or it began with too short a lens and holds a flat background for all there is.
+                    yield "pairs", self._by_pairs(tracks, LONGER_FOCAL * start)
+        yield "at once", self._at_once(tracks, start)
+
+    def _with_lens(self, found: _Found) -> _Found:
+        """Remove the lens that the keyframes show from the tracks."""
+        self.progress("Looking for a lens", 0, 1)
+        made = found.solution
+        told = find_lens(made, self.prior.start(made.tracks), self.prior.known)
+        if told is None:
+            return found
+        return self._explained(told.solution, found.method, told.focal_sigma, told.lens)
+
+    def _explained(self, made: Solution, method: str, sigma: float, lens: Lens | None = None) -> _Found:
+        """A solution with its share of the observations."""
+        posed = float(np.isfinite(made.translation[self.keys, 0]).mean())
+        explained = solution.explained(made) * posed
+        return _Found(made, method, sigma, explained, solution.score(made, self.keys), lens)
+
     def _judged(self, made: Solution, method: str) -> _Found | None:
         """A solution with its focal length refined, and its explained share; None without good points."""
         solution.triangulate(made)
         solution.drop_bad(made)
         if np.count_nonzero(np.isfinite(made.xyz[:, 0])) < MIN_POINTS:
             return None
-        sigma, from_clip = self_calibration.refine_focal_length(made, self.start, self._known)
+        start, known = self.prior.start(made.tracks), self.prior.known
+        sigma = self_calibration.refine_focal_length(made, start, known)
         solution.triangulate(made)
         solution.drop_bad(made)
-        return _Found(made, method, sigma, from_clip, *self._explained(made))
+        return self._explained(made, method, sigma)
 
     def _by_pairs(self, tracks: Tracks, focal: float, whole: Tracks | None = None) -> Solution | None:
         """COLMAP's incremental mapping; the solution is of the tracks `whole` if these are part of them."""
@@ -349,13 +327,13 @@ class _Keyframes:
                         made.xyz[ids[row]] = point.xyz
         return made
 
-    def _at_once(self, tracks: Tracks) -> Solution | None:
+    def _at_once(self, tracks: Tracks, focal: float) -> Solution | None:
         """One adjustment of all keyframes from nothing; None where too few tracks span them."""
         span = small_motion.long_tracks(tracks, self.keys)
         if len(span.tracks) < 4 * MIN_POINTS:
             return None
-        placed = small_motion.general_motion(span, small_motion.rotation_only(span, self.start).bundle)
-        made = solution.empty(tracks, self.start)
+        placed = small_motion.general_motion(span, small_motion.rotation_only(span, focal).bundle)
+        made = solution.empty(tracks, focal)
         made.rotation[self.keys] = placed.bundle.rotation
         made.translation[self.keys] = placed.bundle.translation
         made.xyz[span.tracks] = placed.bundle.world

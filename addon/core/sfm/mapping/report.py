@@ -29,7 +29,8 @@ UNSURE_DEPTH = 0.015
 UNTOLD_DEPTH = 0.5
 """Relative standard deviation of depth above which the clip shows hardly any."""
 EXPLAINED = 0.8
-"""Share of the tracked points that the cameras explain; with less, the report warns of moving things."""
+"""Share of the tracked points that good cameras explain; with less, something moves by itself or went wrong:
+the solver tries other ways, and the report warns."""
 WRONG_ERROR, WRONG_SHARE = 4.0, 0.005
 """Mean reprojection error, in pixels and in long sides, above both of which a model does not belong to these
 frames: COLMAP drops observations from 4 pixels on, and half a per cent is the limit for large pictures.
