@@ -19,7 +19,7 @@ from ...media.clip import MOST_STILLS, Footage
 from ...media.light import to_gray8
 from ...media.picture_file import Pixels
 from .sift import Descriptors, keypoints, make_sift, matched
-from .tracks import Progress
+from .tracks import Progress, colours_at
 
 # Chosen by inspection of solved photos.
 LONG_SIDE = 1600
@@ -75,13 +75,7 @@ def _features(sift: cv2.SIFT, picture: Pixels, frame: int, name: str, most: int)
     points = points.kept(np.sort(np.argsort(-points.response, kind="stable")[:most]))
     scale = np.array([width / gray.shape[1], height / gray.shape[0]])
     xy = (points.places.astype(np.float64) + 0.5) * scale
-    column, row = np.clip(xy.astype(int), 0, [width - 1, height - 1]).T
-    rgb = picture[row, column, :3].astype(np.float64)
-    if picture.dtype == np.float32:
-        rgb = 255 * np.clip(np.nan_to_num(rgb), 0, 1) ** (1 / 2.2)
-    elif picture.dtype == np.uint16:
-        rgb /= 257
-    return Photo(frame, name, width, height, xy, points.descriptors, rgb.astype(np.uint8))
+    return Photo(frame, name, width, height, xy, points.descriptors, colours_at(picture, xy))
 
 
 def match_all(photos: Sequence[Photo], progress: Progress) -> dict[tuple[int, int], Ints]:

@@ -18,7 +18,7 @@ from ...base.arrays import Bytes, Floats, Ints, Mask
 from ...base.counting import counted
 from ...base.errors import Remedy, UserError
 from ...media.clip import Footage
-from ...media.light import to_gray8
+from ...media.light import to_gray8, to_rgb8
 from ...media.picture_file import Pixels
 from .klt import TwoScales, new_corners
 from .sift import Matcher
@@ -159,7 +159,7 @@ def run(
         number, place = tracker.step(gray)
         watch(picture, (place + 0.5) / gray.shape[::-1])
         new = np.searchsorted(number, born)
-        colours.append(_colours(picture, place[new:], zoom))
+        colours.append(colours_at(picture, (place[new:] + 0.5) / zoom))
         born += len(number) - int(new)
         numbers.append(number.astype(np.int32))
         places.append(place)
@@ -243,12 +243,8 @@ def _followed(tracks: Tracks) -> Tracks:
     return replace(some, rgb=tracks.rgb[kept], track=number[some.track].astype(np.int32))
 
 
-def _colours(picture: NDArray[np.generic], corners: NDArray[np.float32], zoom: float) -> NDArray[np.uint8]:
-    size = [picture.shape[1] - 1, picture.shape[0] - 1]
-    at = np.clip(((corners + 0.5) / zoom).astype(int), 0, size)
-    picked = picture[at[:, 1], at[:, 0]][:, :3]
-    if picked.dtype == np.float32:
-        picked = 255 * np.clip(picked.astype(np.float64), 0, 1) ** (1 / 2.2)
-    elif picked.dtype == np.uint16:
-        picked = picked.astype(np.int64) >> 8
-    return np.asarray(picked, dtype=np.uint8)
+def colours_at(picture: Pixels, places: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """Return the sRGB colours (n, 3) of a picture (H, W, 3 or 4) as stored at places (n, 2) in its pixels."""
+    height, width = picture.shape[:2]
+    column, row = np.clip(places.astype(int), 0, [width - 1, height - 1]).T
+    return to_rgb8(picture[row, column])
