@@ -62,12 +62,15 @@ class Solution:
 
     def errors(self) -> Floats:
         """Return (m,) reprojection errors in pixels; infinite behind a camera, NaN without pose or point."""
-        frame = self.tracks.frame_index
-        local = np.einsum("mij,mj->mi", self.rotation[frame], self.xyz[self.tracks.track])
-        local += self.translation[frame]
+        tracks = self.tracks
+        return self.errors_of(tracks.frame_index, tracks.track, tracks.xy - self.centre)
+
+    def errors_of(self, frame: Ints, track: Ints, xy: Floats) -> Floats:
+        """Return the errors (m,) of tracks in frames, seen at `xy` (m, 2) in pixels from the middle."""
+        local = np.einsum("mij,mj->mi", self.rotation[frame], self.xyz[track]) + self.translation[frame]
         with np.errstate(divide="ignore", invalid="ignore"):
-            seen = local[:, :2] / local[:, 2:] * self.focal[frame, None] + self.centre
-        return np.where(local[:, 2] <= 0, np.inf, np.linalg.norm(seen - self.tracks.xy, axis=1))
+            place = local[:, :2] / local[:, 2:] * self.focal[frame, None]
+        return np.where(local[:, 2] <= 0, np.inf, np.linalg.norm(place - xy, axis=1))
 
 
 def empty(tracks: Tracks, focal: float, largest_error: float = LARGEST_ERROR) -> Solution:

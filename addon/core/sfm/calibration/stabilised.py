@@ -126,16 +126,11 @@ def compare(made: Solution, keys: list[int]) -> Compared | None:
     if found is None:
         return None
     inverse, error = found
-    index = np.array(keys)[span.seen.frame]
-    world = made.xyz[span.tracks]
-    local = np.einsum("mij,mj->mi", made.rotation[index], world[span.seen.point]) + made.translation[index]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = local[:, :2] / local[:, 2:] * made.focal[index, None]
-    own = np.linalg.norm(at - span.seen.xy, axis=1)
-    own = np.where(local[:, 2] > 0, own, np.inf)
+    seen = span.seen
+    own = made.errors_of(np.array(keys, np.int32)[seen.frame], span.tracks[seen.point], seen.xy)
     close = CLOSE * made.max_error
     middle = keys[len(keys) // 2]
-    depth = (world @ made.rotation[middle].T + made.translation[middle])[:, 2]
+    depth = (made.xyz[span.tracks] @ made.rotation[middle].T + made.translation[middle])[:, 2]
     good = np.isfinite(depth) & (depth > 0)
     enough = good.sum() >= MIN_SHARED
     order = rank_correlation(1 / depth[good], inverse[good]) if enough else 1.0
