@@ -25,7 +25,7 @@ from addon.core.media.copying import copy_file
 from addon.core.readers.colmap_export import write_model
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.state import Staging
-from addon.core.sfm.workspace import check_replaceable, is_solved, load_solve
+from addon.core.sfm.workspace import is_solved, load_solve
 from addon.render import engine
 from addon.render.output import frame_files, output
 
@@ -73,7 +73,7 @@ def test_an_exchanged_clip_is_refused_by_every_command(
     with pytest.raises(UserError, match="is no longer the clip that was solved") as raised:
         is_solved(work, open_footage(clip), {})
     assert Remedy.AGAIN in raised.value.remedies
-    check_replaceable(work, open_footage(clip))
+    assert not is_solved(work, open_footage(clip), {}, again=True)
     changed.write_bytes(good)
     assert load_solve(work).footage == clip
 

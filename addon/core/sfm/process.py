@@ -10,7 +10,7 @@ from typing import Any
 
 from ..base.atomic import collect_temporary
 from ..base.calls import Failed
-from ..base.errors import Remedy, UserError
+from ..base.errors import UserError
 from ..base.messages import Progress
 from ..base.worker import Call, Worker, end
 from ..camera.focal_length import Focal, in_pixels
@@ -26,7 +26,7 @@ from .mapping.report import STAYS
 from .state import MODEL, Staging
 from .tracking.tracker_pictures import Sight
 from .worker import solve
-from .workspace import check_import, check_replaceable, imported_from, is_solved
+from .workspace import is_solved
 
 END = 0.3
 """Seconds until the worker ends on its own: it has nothing to clean up, and the user waits."""
@@ -111,13 +111,13 @@ class SolveProcess:
         self._options["stills"] = self.clip.is_stills or None
         self._options["pixel_aspect"] = pixel_aspect or None
         self._options["fixed"] = fixed
-        if self._is_kept(again):
+        if is_solved(work_dir, self.clip, self._options, again):
             self.finished = True
             return
         self._staging = Staging(work_dir)
         try:
             # Somebody else may have come to the end meanwhile.
-            if self._is_kept(again):
+            if is_solved(work_dir, self.clip, self._options, again):
                 self.finished = True
                 self.cancel()
                 return
@@ -128,25 +128,6 @@ class SolveProcess:
         except UserError:
             self.cancel()
             raise
-
-    def _is_kept(self, again: bool) -> bool:
-        """Return whether the folder keeps this very solve; UserError for one that may not be replaced."""
-        if self._cameras is not None:
-            check_import(self.work_dir, self.clip, again)
-            return False
-        if again:
-            check_replaceable(self.work_dir, self.clip)
-            return False
-        solved = is_solved(self.work_dir, self.clip, self._options)
-        # Another program's cameras may have cost more than a solve, and are not thrown away unasked.
-        if imported := imported_from(self.work_dir):
-            raise UserError(
-                f"{self.work_dir} holds an imported solve ({imported}); keep using it, choose another folder,"
-                " or replace it",
-                Remedy.WORK_DIR,
-                Remedy.AGAIN,
-            )
-        return solved
 
     def _launch(self, folder: Path) -> None:
         held = self._cameras

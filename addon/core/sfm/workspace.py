@@ -219,48 +219,50 @@ def recorded_clip(work_dir: Path) -> Path | None:
     return (work_dir / state["relative"]).resolve() if state is not None and state["relative"] else None
 
 
-def is_solved(work_dir: Path, footage: Footage, options: dict[str, Any]) -> bool:
-    """Return whether the folder holds this very solve; UserError if it holds something else."""
-    state = _state_of(work_dir, footage)
-    if state is None:
-        return False
-    kept = {"pixel_aspect": 0.0, **state}
-    same = all(value in (None, kept.get(name, value)) for name, value in options.items())
-    return same and tuple(state["frames"]) == footage.frames and (work_dir / MODEL).is_dir()
-
-
 class SolveThereError(UserError):
     """The folder holds a solve of the clip already."""
 
 
-def check_replaceable(work_dir: Path, footage: Footage) -> None:
-    """Check that a solve of the clip may replace the folder's content.
+def is_solved(work_dir: Path, footage: Footage, options: dict[str, Any], again: bool = False) -> bool:
+    """Return whether the folder holds this very solve, which need not be made then.
 
-    A damaged solve may be replaced, and one whose clip was replaced by this one.
+    Args:
+        work_dir: The folder.
+        footage: The clip.
+        options: Those of the solve; with "imported" it is another program's, which replaces none unasked.
+        again: True if a solve of the clip may be replaced, also a damaged one, and one whose clip was
+            replaced by this one.
 
     Raises:
-        UserError: The folder holds something else, or another clip's solve.
+        UserError: The folder holds something else, another clip's solve, or an import.
+        SolveThereError: There is a solve of the clip that an import would replace.
     """
     try:
-        _state_of(work_dir, footage)
+        state = _state_of(work_dir, footage)
     except (UnusableStateError, _ClipReplacedError):
-        return
-
-
-def check_import(work_dir: Path, footage: Footage, again: bool) -> None:
-    """Check that another program's cameras may be put into the folder.
-
-    Raises:
-        SolveThereError: There is a solve of the clip, and `again` is false.
-        UserError: As of `check_replaceable`.
-    """
-    if not again and _state_of(work_dir, footage) is not None and (work_dir / MODEL).is_dir():
+        if again:
+            return False
+        raise
+    there = (work_dir / MODEL).is_dir()
+    if state is None or again or ("imported" in options and not there):
+        return False
+    if "imported" in options:
         raise SolveThereError(
             f"{work_dir} already holds a solve of this clip; choose another folder, or replace it",
             Remedy.WORK_DIR,
             Remedy.AGAIN,
         )
-    check_replaceable(work_dir, footage)
+    if imported := state.get("imported"):
+        # Another program's cameras may have cost more than a solve, and are not thrown away unasked.
+        raise UserError(
+            f"{work_dir} holds an imported solve ({imported}); keep using it, choose another folder, or"
+            " replace it",
+            Remedy.WORK_DIR,
+            Remedy.AGAIN,
+        )
+    kept = {"pixel_aspect": 0.0, **state}
+    same = all(value in (None, kept.get(name, value)) for name, value in options.items())
+    return same and there and tuple(state["frames"]) == footage.frames
 
 
 def imported_from(work_dir: Path) -> str | None:
@@ -275,18 +277,19 @@ def keep_import(found: Imported, footage: Footage, work_dir: Path, again: bool =
     UserError where the folder holds something else, or is being solved into; SolveThereError where it holds a
     solve of the clip, of whichever frames and whosever, that is not to be replaced `again`.
     """
-    check_import(work_dir, footage, again)
+    options = {"imported": found.format}
+    is_solved(work_dir, footage, options, again)
     clip_identity = identity(footage.path)
     reconstruction = found.reconstruction if found.placed else upright(found.reconstruction)
     staging = Staging(work_dir)
     try:
-        check_replaceable(work_dir, footage)
+        is_solved(work_dir, footage, options, again=True)
         model = staging.folder / MODEL
         model.mkdir()
         write_model(model, reconstruction)
         notes = [*footage.notes, *found.notes]
         said = {"focal_from": "file", "method": found.format, "notes": notes, "observed": not found.projected}
-        staging.keep(footage, clip_identity, {"imported": found.format}, said)
+        staging.keep(footage, clip_identity, options, said)
     finally:
         staging.discard()
 

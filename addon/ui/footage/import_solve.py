@@ -9,7 +9,7 @@ from ...core.base.errors import UserError
 from ...core.media.clip import Footage, open_footage
 from ...core.readers import ENDINGS, read_reconstruction, recorded_clip, recorded_depth
 from ...core.readers.matching import Imported
-from ...core.sfm.workspace import SolveThereError, check_import, keep_import
+from ...core.sfm.workspace import SolveThereError, is_solved, keep_import
 from ...scene.sources.clip import footage_path, work_dir
 from ...scene.sources.movieclip import read_movie_clip
 from ...scene.sources.scene_camera import cameras_of, read_scene_camera
@@ -54,7 +54,7 @@ class Import(operators.Named):
         found = self.read(footage)
         try:
             if found.lacks_points:
-                check_import(folder, footage, self.again)
+                is_solved(folder, footage, {"imported": found.format}, self.again)
                 return find_points(found, clip)
             keep_import(found, footage, folder, self.again)
         except SolveThereError:
