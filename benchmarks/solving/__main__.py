@@ -230,7 +230,9 @@ def run(clip: Clip, tracker: str, focal: str, rows: Rows) -> None:
         message, cost = old.message, (old.cpu_s, old.wall_s)
     found = None if message else load_solve(work)
     figures = None if found is None else measure(clip.as_pinhole(found.reconstruction), clip.truth)
-    claims = {} if found is None else found.report | {"depth_sigma": found.quality.depth_sigma}
+    quality = None if found is None else found.quality
+    measured = ("depth_sigma", "reprojection_error")
+    claims = {} if found is None else found.report | {name: getattr(quality, name) for name in measured}
     row = Row(
         motion.name, tracker, focal, inputs, judged, verdict(motion, focal, message, figures, claims),
         message, {} if figures is None else asdict(figures), claims, *cost, store.commit(),
@@ -288,7 +290,7 @@ def verdict(motion: Motion, focal: str, message: str, figures: Figures | None, c
         wrong.append("frames")
     # Where the focal length was only assumed, and that is said, lengths along the view may be off by as much;
     # where depths are uncertain, and that is said, by two standard deviations.
-    assumed = abs(figures.focal) if focal == "unknown" and claims["focal_held"] else 0.0
+    assumed = abs(figures.focal) if focal == "unknown" and claims["focal_from"] != "clip" else 0.0
     unsure = 200 * claims["depth_sigma"] if claims["depth_sigma"] > UNSURE_DEPTH else 0.0
     if claims.get("weak_depth"):
         # Lengths are not known, and that is said; how far discs are off is left.
@@ -305,7 +307,7 @@ def verdict(motion: Motion, focal: str, message: str, figures: Figures | None, c
 
 def covers(figures: Figures, claims: dict[str, Any]) -> bool | None:
     """Whether the found focal length's own uncertainty has room for its error; None where it found none."""
-    if claims["focal_held"] or claims["focal_sigma"] is None:
+    if claims["focal_from"] != "clip" or claims["focal_sigma"] is None:
         return None
     return abs(figures.focal) <= COVERAGE * 100 * float(claims["focal_sigma"])
 
@@ -416,7 +418,7 @@ def _claimed(row: Row) -> str:
     spread = "?" if sigma is None else f"{100 * sigma:.2f}"
     if row.focal == "known":
         return "given"
-    if row.claims["focal_held"]:
+    if row.claims["focal_from"] != "clip":
         return f"held ({spread})"
     outside = abs(row.figures["focal"]) > COVERAGE * 100 * (sigma or 0)
     return f"±{spread}{' x' if outside else ''}"

@@ -78,7 +78,7 @@ def edge_lengths(clip: Clip) -> Figure:
     slip = np.nanmax(np.linalg.norm(flow - true, axis=2), axis=0)
     error = [_errors(each, world, edges)[1:] for each in (by_hand, given)]
     mean = [float(np.nanmean(np.abs(each))) for each in error]
-    report = clip.solved.report
+    focal = clip.solved.reconstruction.cameras[0].fx
     return Figure(
         f"edge_lengths_{clip.name}.png",
         _picture(clip, world, edges, by_hand, followed),
@@ -88,7 +88,7 @@ def edge_lengths(clip: Clip) -> Figure:
         " one exact mark. Only position, turn and one scale are fitted to the truth.",
         "Figures 4-12 to 4-15 and the tables of section 4.4",
         f"The ratios to {stage.edges[0].name} are off by {mean[0]:.1f} % in the mean, with the true focal"
-        f" length given by {mean[1]:.1f} %; the solve's focal length is {report['focal']:.0f} px, the true"
+        f" length given by {mean[1]:.1f} %; the solve's focal length is {focal:.0f} px, the true"
         f" one {stage.cameras.focal:.0f} px.",
         _ratio_table(stage.edges, world, edges, by_hand, given, followed)
         + "\n"

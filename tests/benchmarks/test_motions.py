@@ -205,7 +205,7 @@ def verdict(
 ) -> str:
     motion = replace(SOLVABLE, refusal=name)
     figures = None if message else replace(GOOD, **changed)
-    claims = {"focal_held": False, "focal_sigma": 0.01, "depth_sigma": unsure}
+    claims = {"focal_from": "clip", "focal_sigma": 0.01, "depth_sigma": unsure}
     return motions.verdict(motion, given, message, figures, claims)
 
 
@@ -237,7 +237,7 @@ def test_verdicts() -> None:
 
 
 def test_an_assumed_focal_length_excuses_its_own_error() -> None:
-    claims = {"focal_held": True, "focal_sigma": 0.2, "depth_sigma": 0.001}
+    claims = {"focal_from": "guess", "focal_sigma": 0.2, "depth_sigma": 0.001}
     off = replace(GOOD, lengths=18.0, focal=-15.0)
     motion = replace(SOLVABLE, refusal="")
     assert motions.verdict(motion, "unknown", "", off, claims) == "right"

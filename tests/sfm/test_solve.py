@@ -48,7 +48,7 @@ def work(solved: Solve, tmp_path: Path) -> Path:
 def test_every_frame_is_registered(solved: Solve) -> None:
     assert solved.reconstruction.frames.tolist() == list(range(1, 17)) == list(solved.frames)
     assert len(solved.reconstruction.points) > 300
-    assert solved.report["reprojection_error"] < 0.5
+    assert solved.reconstruction.points.error.mean() < 0.5
     assert solved.reconstruction.cameras[0].width == planes.SIZE[0]
     assert "16 of 16 frames" in solved.summary
 
@@ -110,14 +110,14 @@ def test_only_the_result_is_kept(solved: Solve) -> None:
 def test_the_focal_length_is_found_where_the_picture_tells_it(tmp_path: Path) -> None:
     true = 0.6 * planes.SIZE[0]
     found = solve(planes.write_clip(tmp_path / "wide", planes.sideways(16, true)), tmp_path / "work")
-    assert not found.report["focal_held"] and found.report["focal_sigma"] < 0.02
+    assert found.report["focal_from"] == "clip" and found.report["focal_sigma"] < 0.02
     assert found.reconstruction.cameras[0].fx == pytest.approx(true, rel=0.04)
 
 
 def test_a_given_focal_length_is_held(clip: Path, tmp_path: Path) -> None:
     some, work = FrameRange(1, 8), tmp_path / "work"
     given = solve(clip, work, focal=300.0, frames=some)
-    assert given.report["focal_held"] and given.reconstruction.cameras[0].fx == 300.0
+    assert given.report["focal_from"] == "given" and given.reconstruction.cameras[0].fx == 300.0
     assert SolveProcess(clip, work, focal=300.0, frames=some).finished
     another = SolveProcess(clip, work, focal=250.0, frames=some)
     assert not another.finished
@@ -128,7 +128,7 @@ def test_a_given_focal_length_is_held(clip: Path, tmp_path: Path) -> None:
 def test_the_focal_length_of_straight_ahead_motion_is_not_believed(tmp_path: Path) -> None:
     ahead = [planes.view(np.array([0.0, 0.0, z]), np.zeros(3)) for z in np.linspace(0, 1.5, 16)]
     solved = solve(planes.write_clip(tmp_path / "ahead", ahead), tmp_path / "work")
-    assert solved.report["focal_held"] and solved.report["focal_sigma"] > 0.02
+    assert solved.report["focal_from"] == "guess" and solved.report["focal_sigma"] > 0.02
     assert len(solved.reconstruction.images) == 16
 
 
@@ -280,7 +280,7 @@ def test_a_camera_that_rolls_at_once_is_solved_by_keypoints(tmp_path: Path) -> N
     pictures[8:] = [cv2.warpAffine(picture, roll, planes.SIZE) for picture in pictures[8:]]
     result = solve(planes.write_clip(tmp_path / "rolled", pictures), tmp_path / "work")
     assert result.report["tracker"] == "sift"
-    assert len(result.reconstruction.frames) == 16 and result.report["reprojection_error"] < 0.5
+    assert len(result.reconstruction.frames) == 16 and result.reconstruction.points.error.mean() < 0.5
     before, after = (result.reconstruction.image_at(frame)[0].rotation for frame in (8, 9))
     angle = np.degrees(np.arccos(((after @ before.T).trace() - 1) / 2))
     assert abs(angle - 40) < 1
@@ -340,7 +340,7 @@ def test_a_readout_is_kept_and_must_lie_within_a_frame(
 def test_what_frames_show_besides_is_kept_and_its_damage_told(work: Path) -> None:
     solve = load_solve(work)
     added = [image.visible for image in solve.reconstruction.images]
-    assert sum(map(len, added)) == sum(solve.report["visible"]) > 0
+    assert sum(map(len, added)) > 0
     for image in solve.reconstruction.images:
         assert not len(np.intersect1d(image.points, image.visible))
     assert (
@@ -394,7 +394,7 @@ def test_the_duck(duck: Path) -> None:
     solved = load_solve(duck)
     shot = solved.reconstruction
     assert len(shot.images) >= 0.95 * 118
-    assert solved.report["reprojection_error"] < 1.0
+    assert shot.points.error.mean() < 1.0
     assert (shot.cameras[0].width, shot.cameras[0].height) == (884, 1080)
     image = shot.image_at(60)[0]
     cells = {(int(x * 8 // 884), int(y * 6 // 1080)) for x, y in image.xy}

@@ -18,7 +18,6 @@ from ..depth.placed_points import placed
 from ..depth.user_maps import DepthMaps, open_depth
 from ..media.clip import FrameRange, open_footage
 from ..media.clip_identity import identity
-from ..media.video import video_info
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
 from .mapping.known_poses import thinned
@@ -134,11 +133,7 @@ class SolveProcess:
         if held is not None and len(held.reconstruction.points):
             held = replace(held, reconstruction=thinned(held.reconstruction))
         job: dict[str, Any] = {
-            "footage": self.clip.path,
-            "frames": self.clip.frames,
-            "video": video_info(self.clip.path) if self.clip.is_video else None,
-            "stills": self.clip.is_stills,
-            "pixel_aspect": self.clip.pixel_aspect,
+            "clip": self.clip,
             "fixed": self._options["fixed"],
             "may_stay": self._maps is not None,
             "lens": {name: self._options.get(name) for name in ("focal", "zooms")},

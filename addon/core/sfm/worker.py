@@ -88,10 +88,8 @@ def solve(job: dict[str, Any], folder: Path) -> dict[str, Any]:
 
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     picture_file.exr_decoder = _exr
-    footage = open_footage(
-        job["footage"], job["frames"], job["video"], job["stills"],
-        pixel_aspect=job["pixel_aspect"],
-    )  # fmt: skip
+    clip: Footage = job["clip"]
+    footage = open_footage(clip.path, clip.frames, clip.video, clip.is_stills, pixel_aspect=clip.pixel_aspect)
     is_clip = not footage.is_stills or job["cameras"] is not None
     if is_clip:
         check_shape(footage)
@@ -102,17 +100,10 @@ def solve(job: dict[str, Any], folder: Path) -> dict[str, Any]:
     model.mkdir()
     write_model(model, result)
     if is_clip:
-        visible = visible_points(result, footage, progress=_progress)
-        keep_visible(model, visible)
-        said = {"visible": [len(each) for each in visible.values()], **said}
+        keep_visible(model, visible_points(result, footage, progress=_progress))
     return {
-        "registered": len(result.images),
-        "points": len(result.points),
-        "reprojection_error": float(result.points.error.mean()),
-        "focal": result.cameras[0].fx,
         **said,
         "notes": [*footage.notes, *said["notes"]],
-        "frames": len(footage.frames),
         "stills": footage.is_stills,
         "fps": footage.fps,
         "versions": incremental_mapping.versions(),
@@ -149,7 +140,6 @@ def _solve_photos(footage: Footage, job: dict[str, Any]) -> _Found:
     notes = [f"{len(lost)} photos could not be matched with the others: {', '.join(lost)}"] if lost else []
     figures = {
         "focal_sigma": None,
-        "focal_held": not is_calibrated,
         "focal_from": _focal_source(job["lens"], said, is_calibrated),
         "method": "stills",
         "tracker": "sift",
@@ -179,17 +169,17 @@ def _of_scene(tracks: Tracks, footage: Footage) -> Tracks:
 def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
     """Cameras and points of a clip; before a refusal, without its people, and then from SIFT keypoints."""
     try:
-        return _mapped(job, footage, tracks, bool(job["may_stay"]))
+        return _mapped(job, footage, tracks)
     except UserError as error:
         refusal = error
-    try:
-        if (found := _without_people(job, footage, tracks)) is not None:
-            return found
-    except UserError as error:
-        refusal = type(error)(f"{error} ({LEFT_OUT})", *error.remedies)
+    if (still := without_people(tracks, footage, _progress)) is not None:
+        try:
+            return _mapped(job, footage, still, LEFT_OUT)
+        except UserError as error:
+            refusal = type(error)(f"{error} ({LEFT_OUT})", *error.remedies)
     if not isinstance(refusal, StaysError):
         with contextlib.suppress(UserError):
-            return _mapped(job, footage, _of_scene(match_features(footage, _progress), footage), False)
+            return _mapped(job, footage, _of_scene(match_features(footage, _progress), footage))
         if ratio := _squeeze(job, footage, tracks):
             raise UserError(
                 f"{refusal}; with a pixel aspect of {ratio:g} the clip fits a static scene: the picture may"
@@ -207,35 +197,24 @@ def _squeeze(job: dict[str, Any], footage: Footage, tracks: Tracks) -> float:
     for ratio in SQUEEZES:
         wide = replace(tracks, width=round(ratio * tracks.width), xy=tracks.xy * [ratio, 1.0])
         with contextlib.suppress(UserError):
-            if _mapped(job, footage, wide, False).said["explained"] >= UNSQUEEZED:
+            if _mapped(job, footage, wide).said["explained"] >= UNSQUEEZED:
                 return ratio
     return 0.0
 
 
-def _without_people(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found | None:
-    """Cameras and points without the tracks of people; None where there are none."""
-    still = without_people(tracks, footage, _progress)
-    if still is None:
-        return None
-    # Subjects have distances without parallax, too.
-    found = _mapped(job, footage, still, True)
-    said = found.said | {"notes": [*found.said["notes"], LEFT_OUT]}
-    said["depth_estimated"] = found.said["method"] == STAYS and not job["may_stay"]
-    return replace(found, said=said)
-
-
-def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, may_stay: bool) -> _Found:
-    """Both found from tracks."""
+def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, left_out: str = "") -> _Found:
+    """Both found from tracks, without those of subjects, as a note says."""
     from .mapping import incremental_mapping
 
     prior = incremental_mapping.FocalPrior(**job["lens"])
     metadata_focal = None if prior.focal or prior.zooms else _metadata_focal(footage)
     if metadata_focal:
         prior = incremental_mapping.FocalPrior(metadata_focal, METADATA_SIGMA)
-    has_subjects = may_stay and not job["may_stay"]
+    # Subjects have distances without parallax, too.
+    has_subjects = bool(left_out) and not job["may_stay"]
     mapped = None
     try:
-        mapped = incremental_mapping.reconstruct(tracks, prior, _progress, may_stay)
+        mapped = incremental_mapping.reconstruct(tracks, prior, _progress, has_subjects or job["may_stay"])
     except UserError:
         # A steadied or bent picture may be explained by no camera, and yet show hardly any depth.
         if not has_subjects or check_motion(tracks) >= incremental_mapping.DOUBTFUL_PARALLAX:
@@ -245,11 +224,11 @@ def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, may_stay: boo
     result = mapped.reconstruction
     said = {
         "focal_sigma": mapped.focal_sigma,
-        "focal_held": not mapped.focal_from_clip,
         "focal_from": _focal_source(job["lens"], metadata_focal, mapped.focal_from_clip),
         "method": mapped.method,
         "explained": mapped.explained,
-        "notes": [] if mapped.zooms == prior.zooms else [ZOOMED],
+        "notes": [ZOOMED] * (mapped.zooms != prior.zooms) + [left_out] * bool(left_out),
+        "depth_estimated": has_subjects and mapped.method == STAYS,
         "parallax": mapped.parallax,
         "depth_evidence": asdict(mapped.depth_evidence) if mapped.depth_evidence else None,
         "weak_depth": mapped.weak_depth,
