@@ -229,7 +229,6 @@ def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, left_out: str
         "explained": mapped.explained,
         "notes": [ZOOMED] * (mapped.zooms != prior.zooms) + [left_out] * bool(left_out),
         "depth_estimated": has_subjects and mapped.method == STAYS,
-        "parallax": mapped.parallax,
         "depth_evidence": asdict(mapped.depth_evidence) if mapped.depth_evidence else None,
         "weak_depth": mapped.weak_depth,
         # A zoom's lens, and that of a camera that stays, are not looked for.
@@ -249,7 +248,7 @@ def _held(held: Imported, tracks: Tracks) -> _Found:
         said["notes"].append(POINTS_TAKEN)
         said["observed"] = False
         return _Found(upright(held.reconstruction), said)
-    said |= {"explained": known.explained, "camera_miss": known.miss}
+    said["explained"] = known.explained
     said["notes"].append(POINTS_FOUND.format(miss=known.miss * max(tracks.width, tracks.height) / 1000))
     return _Found(known.reconstruction if held.placed else upright(known.reconstruction), said)
 

@@ -215,6 +215,27 @@ def outermost_angles(rays: Floats, point: Ints, count: int) -> Floats:
     return np.asarray(np.where(np.isfinite(angle), angle, np.nan))
 
 
+def observed(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]:
+    """Return point (m,), error (m,) in pixels, NaN behind the camera, and unit ray (m, 3) of observations."""
+    points, missed, rays = [], [], []
+    for image in reconstruction.images:
+        points.append(image.points)
+        local = image.to_camera(reconstruction.points.xyz[image.points])
+        miss = reconstruction.intrinsics(image).project(local) - image.xy
+        missed.append(np.where(local[:, 2] > 0, np.linalg.norm(miss, axis=1), np.nan))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rays.append(local / np.linalg.norm(local, axis=1, keepdims=True) @ image.rotation)
+    return np.concatenate(points), np.concatenate(missed), np.concatenate(rays)
+
+
+def mean_errors(point: Ints, missed: Floats, count: int) -> Floats:
+    """Return the mean error (count,) of each point, NaN without one, from those of observations (m,)."""
+    good = np.isfinite(missed)
+    total = np.bincount(point[good], missed[good], count)
+    views = np.bincount(point[good], minlength=count)
+    return np.where(views > 0, total / np.maximum(views, 1), np.nan)
+
+
 def kept_points(solution: Solution) -> tuple[Points, Ints, Mask]:
     """Return points with `MIN_VIEWS` used observations, their numbers by track, and the observations (m,)."""
     tracks, used = solution.tracks, solution.used

@@ -128,16 +128,8 @@ class Lens:
         """Return a reconstruction by pinholes of the recorded places with the cameras that recorded them."""
         cameras = tuple(self.intrinsics(camera.fx) for camera in found.cameras)
         found = replace(found, cameras=cameras, readout=self.readout)
-        point = np.concatenate([image.points for image in found.images])
-        missed = [
-            np.linalg.norm(
-                found.intrinsics(image).project(image.to_camera(found.points.xyz[image.points])) - image.xy,
-                axis=1,
-            )
-            for image in found.images
-        ]
-        views = np.bincount(point, minlength=len(found.points))
-        error = np.bincount(point, np.concatenate(missed), len(found.points)) / np.maximum(views, 1)
+        point, missed, _ = solution.observed(found)
+        error = solution.mean_errors(point, missed, len(found.points))
         return replace(found, points=replace(found.points, error=error))
 
     def take_out(self, made: Solution) -> None:

@@ -3,8 +3,6 @@
 Depth must come from elsewhere. Points lie at one distance until then; parallax from the hand is an error.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ...base.arrays import Floats, Ints, Mask
@@ -32,26 +30,18 @@ ROUNDS = 3
 """Times that points are found again without what misses them."""
 
 
-@dataclass(frozen=True)
-class Turned:
-    """The result for a clip."""
-
-    solution: Solution
-    """Without translation, points at `MEDIAN_DEPTH`."""
-    focal_sigma: float
-    """Relative standard deviation of the focal length, what was known before included."""
-    focal_from_clip: bool
-    """True if the clip determines the focal length better than the prior."""
-
-
-def turned(tracks: Tracks, focal: float, known: float, progress: Progress) -> Turned:
-    """Return the turns of a clip's camera.
+def turned(tracks: Tracks, focal: float, known: float, progress: Progress) -> tuple[Solution, float]:
+    """Find the turns of a clip's camera.
 
     Args:
         tracks: Those of the clip.
         focal: Prior of the focal length in pixels.
         known: Its relative standard deviation, 0 to hold it.
         progress: Called with the stage, done and all steps.
+
+    Returns:
+        The solve, without translation and with points at `MEDIAN_DEPTH`, and the relative standard deviation
+        of its focal length, below `known` if it is the clip's.
 
     Raises:
         UserError: Too few tracks.
@@ -66,13 +56,13 @@ def turned(tracks: Tracks, focal: float, known: float, progress: Progress) -> Tu
     still = np.bincount(span.seen.point, error, minlength=len(span.tracks)) / np.bincount(span.seen.point)
     span = _spanning(tracks, keys, span.tracks[still < STILL * np.median(still)])
     found = rotation_only(span, focal)
-    sigma, from_clip = known, False
+    sigma = known
     if known > 0 and _angle(found.bundle.rotation) > LEAST_TURN:
         free = adjust(found.bundle, span.seen, span.loss, "common")
         low, high = BOUNDS
         share = free.bundle.focal[0] / max(tracks.width, tracks.height)
         if 0 < free.focal_sigma < known and low < share < high:
-            found, sigma, from_clip = free, free.focal_sigma, True
+            found, sigma = free, free.focal_sigma
     progress("Finding how the camera turns", 1, 2)
     made = solution.empty(tracks, float(found.bundle.focal[0]))
     made.translation[:] = 0.0
@@ -82,7 +72,7 @@ def turned(tracks: Tracks, focal: float, known: float, progress: Progress) -> Tu
         made.rotation[index] = _turn_of(made, int(index))
     _place(made)
     solution.drop_bad(made)
-    return Turned(made, sigma, from_clip)
+    return made, sigma
 
 
 def _angle(rotation: Floats) -> float:

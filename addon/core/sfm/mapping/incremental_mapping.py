@@ -92,8 +92,6 @@ class Mapped:
     """Relative standard deviation of the focal length, what was known before included."""
     focal_from_clip: bool
     """True if the clip determines the focal length better than the prior."""
-    parallax: float
-    """Pixels of a 1,000-pixel frame that no rotation explains."""
     explained: float
     """Share of the observations of lasting tracks that agree with a point that stands still."""
     zooms: bool
@@ -131,15 +129,12 @@ def reconstruct(tracks: Tracks, prior: FocalPrior, progress: Progress, may_stay:
 
 def staying(tracks: Tracks, prior: FocalPrior, progress: Progress) -> Mapped:
     """Solve a clip by how the camera turns in its place; arguments and errors as of `reconstruct`."""
-    found = turned(tracks, prior.start(tracks), prior.known, progress)
-    share = solution.explained(found.solution)
-    reconstruction = solution.collect(found.solution)
+    made, sigma = turned(tracks, prior.start(tracks), prior.known, progress)
+    share = solution.explained(made)
+    reconstruction = solution.collect(made)
     if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
         raise UserError("too little of this clip is static; choose another range of frames")
-    return Mapped(
-        normalise(reconstruction), STAYS, found.focal_sigma, found.focal_from_clip, 0.0, share, False,
-        None, None,
-    )  # fmt: skip
+    return Mapped(normalise(reconstruction), STAYS, sigma, sigma < prior.known, share, False, None, None)
 
 
 def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progress) -> Mapped:
@@ -179,7 +174,7 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progre
     from_clip = found.focal_sigma < prior.known / 2**0.5
     return Mapped(
         normalise(reconstruction if lens is None else lens.recording(reconstruction)), found.method, sigma,
-        from_clip, parallax, explained, ratio is not None, depth, weak, lens,
+        from_clip, explained, ratio is not None, depth, weak, lens,
     )  # fmt: skip
 
 

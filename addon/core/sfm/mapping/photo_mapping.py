@@ -17,7 +17,7 @@ from ...base.arrays import Ints
 from ...base.atomic import temporary_folder
 from ...base.errors import UserError
 from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction, normalise
-from ..adjustment.solution import MIN_POINTS, outermost_angles
+from ..adjustment.solution import MIN_POINTS, observed, outermost_angles
 from ..tracking.photo_matching import Photo
 from ..tracking.tracks import Progress
 from .keyframes import START_FOCAL, mapped, mapper_options, new_camera, verify, write_database
@@ -83,7 +83,8 @@ def place_photos(
         )
     best, is_calibrated = max(tried, key=lambda each: (each[0].num_reg_images(), each[0].num_points3D()))
     reconstruction = normalise(_collected(best, photos, lens_of))
-    angle = _median_angle(reconstruction)
+    point, _, rays = observed(reconstruction)
+    angle = float(np.nanmedian(outermost_angles(rays, point, len(reconstruction.points))))
     if angle < MIN_ANGLE:
         raise UserError(
             f"these photos are taken from one place ({angle:.2f} degrees between them): too little parallax;"
@@ -156,12 +157,3 @@ def _collected(
         for camera in (model.cameras[number] for number in used)
     )
     return Reconstruction(lenses, tuple(images), Points(xyz, rgb, error), is_ordered=False)
-
-
-def _median_angle(reconstruction: Reconstruction) -> float:
-    points = np.concatenate([image.points for image in reconstruction.images])
-    rays = np.concatenate(
-        [reconstruction.points.xyz[image.points] - image.centre for image in reconstruction.images]
-    )
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    return float(np.nanmedian(outermost_angles(rays, points, len(reconstruction.points))))

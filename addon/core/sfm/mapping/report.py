@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ...base.arrays import Floats, Ints
 from ...base.counting import common_step, ranges
 from ...base.errors import Remedy, Words, with_words
 from ...camera.reconstruction import Reconstruction
 from ...media.clip import describe
-from ..adjustment.solution import outermost_angles
+from ..adjustment.solution import mean_errors, observed, outermost_angles
 
 STAYS = "turning"
 """The method of a solve whose camera stays in its place: depth is that of maps, or estimated."""
@@ -194,10 +193,12 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     seen = set(reconstruction.frames.tolist())
     missing = [frame for frame in frames if frame not in seen]
     focal = [reconstruction.intrinsics(image).fx for image in reconstruction.images]
-    point, missed, rays = _observations(reconstruction)
+    point, missed, rays = observed(reconstruction)
     angle = outermost_angles(rays, point, len(reconstruction.points))
     angle = angle[(reconstruction.views_per_point >= 2) & np.isfinite(angle)]
-    error = _mean_error(point, missed, len(reconstruction.points)) if said.get("observed", True) else None
+    errors = mean_errors(point, missed, len(reconstruction.points))
+    is_measured = said.get("observed", True) and np.isfinite(errors).any()
+    error = float(np.nanmean(errors)) if is_measured else None
     spread = None
     if error is not None and len(angle) and said.get("method") != STAYS:
         # More observations of a track do not help: they share its error.
@@ -260,19 +261,6 @@ def _advice(it: Report, frames: list[int], long_side: int, estimated: bool) -> t
     return "", ()
 
 
-def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]:
-    """Point (m,), error (m,) in pixels, NaN behind the camera, and unit ray (m, 3) of all observations."""
-    points, missed, rays = [], [], []
-    for image in reconstruction.images:
-        points.append(image.points)
-        local = image.to_camera(reconstruction.points.xyz[image.points])
-        miss = reconstruction.intrinsics(image).project(local) - image.xy
-        missed.append(np.where(local[:, 2] > 0, np.linalg.norm(miss, axis=1), np.nan))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            rays.append(local / np.linalg.norm(local, axis=1, keepdims=True) @ image.rotation)
-    return np.concatenate(points), np.concatenate(missed), np.concatenate(rays)
-
-
 def _distances(reconstruction: Reconstruction) -> list[float]:
     """As `Report.distances`."""
     depths = np.concatenate(
@@ -280,11 +268,3 @@ def _distances(reconstruction: Reconstruction) -> list[float]:
     )
     depths = depths[np.isfinite(depths) & (depths > 0)]
     return [float(q) for q in np.percentile(depths, (2, 50, 98))] if len(depths) else [0.0, 0.0, 0.0]
-
-
-def _mean_error(point: Ints, missed: Floats, count: int) -> float | None:
-    """Mean over the points of their mean error in pixels; None where nothing is ahead of its camera."""
-    good = np.isfinite(missed)
-    views = np.bincount(point[good], minlength=count)
-    total = np.bincount(point[good], weights=missed[good], minlength=count)
-    return float((total[views > 0] / views[views > 0]).mean()) if good.any() else None
