@@ -60,7 +60,6 @@ NOTHING = {
     "mask": None,
     "subject": None,
     "colour_space": None,
-    "segmenter": None,
     "jobs": None,
     "child": False,
 }

@@ -128,16 +128,17 @@ def farm(options: argparse.Namespace) -> None:
         frames = _copy_scene(source, options, folder)
         blend = f"{{{{Param.Input}}}}/{BLEND}"
     else:
-        frames, clip, maps = _copy_clip(source, options, folder)
+        frames, copies = _copy_clip(source, options, folder)
         blend, work = f"{{{{Param.Output}}}}/{BLEND}", "{{Param.Output}}/solve"
-        name, depth = (
+        name, depth, segmenter = (
             f"{{{{Param.Input}}}}/{texts.literal(path.relative_to(folder).as_posix())}" if path else ""
-            for path in (clip, maps)
+            for path in copies
         )
         lens = f"{{{{Param.Input}}}}/{LENS}"
         # The folder keeps the solve, and a second run of an equal step takes it.
         solved = ["solve", name, "--work", work, *solve_arguments(options)]
         solved += ["--depth-maps", depth] if depth else []
+        solved += ["--segmenter", segmenter] if segmenter else []
         saved = ["save", work, "--lens", lens, "--blend", blend, "--no-copy", "--overwrite"]
         saved += ["--frames", f"{frames[0]}-{frames[-1]}"]
         first = [_step("Solve", [*before, *solved]), _step("Scene", [*before, *saved], "Solve")]
@@ -186,8 +187,8 @@ def _copy_scene(source: Path, options: argparse.Namespace, folder: Path) -> list
 
 def _copy_clip(
     source: Path, options: argparse.Namespace, folder: Path
-) -> tuple[list[int], Path, Path | None]:
-    """Copy a clip for a job; returns the frames to render, and the copies of the clip and its depth maps."""
+) -> tuple[list[int], tuple[Path | None, ...]]:
+    """Copy a clip for a job; returns the frames to render, and the clip, its depth maps and the segmenter."""
     footage = open_footage(
         source, options.solve_frames, stills=options.stills, pixel_aspect=options.pixel_aspect or 0.0
     )
@@ -205,7 +206,7 @@ def _copy_clip(
         copy_file(options.repair, folder / REPAIR)
         lens["repair"] = Path(REPAIR)
     write_lens(folder / LENS, lens)
-    return frames, clip, copies[0]
+    return frames, (clip, copies[0], copies[3])
 
 
 def _copy_solve(source: Path, target: Path, clip: Path) -> None:

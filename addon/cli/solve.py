@@ -36,6 +36,10 @@ def add_commands(commands: Commands, common: argparse.ArgumentParser) -> None:
         "--depth-maps", type=path, metavar="PATH",
         help="your own depth maps, for a clip whose camera only turns or does not move",
     )  # fmt: skip
+    one.add_argument(
+        "--segmenter", type=path, metavar="FILE.onnx",
+        help="your own salient-object network: a clip that is refused is solved without what stands out",
+    )  # fmt: skip
     one.add_argument("--depth", action="store_true", help="also find and keep the depth of all frames")
     add_options(one, {FIXED.name: FIXED})
     one.set_defaults(command=solve)
@@ -134,7 +138,8 @@ def solve(options: argparse.Namespace) -> None:
     """Run `solve FOOTAGE --work DIR [--depth]`."""
     solved = solve_clip(options, options.work, depth_maps=options.depth_maps)
     say_quality(solved, options.words)
-    whole = argparse.Namespace(**NOTHING, frames=None, fixed=options.fixed)
+    given = {"frames": None, "fixed": options.fixed, "segmenter": options.segmenter}
+    whole = argparse.Namespace(**NOTHING, **given)
     if options.depth and (problem := depth_of_solve(solved, whole)):
         say(f"note: {problem.worded(options.words)}")
 
@@ -161,7 +166,7 @@ def solve_clip(
     process = SolveProcess(
         options.footage, work.absolute(), options.solve_frames, _focal(options), options.again,
         options.zoom, depth_maps=depth_maps, stills=options.stills, pixel_aspect=options.pixel_aspect or 0.0,
-        fixed=options.fixed is not False,
+        fixed=options.fixed is not False, segmenter=options.segmenter and options.segmenter.absolute(),
     )  # fmt: skip
     _wait(process, check)
     return load_solve(work.absolute(), process.clip.path)

@@ -104,6 +104,42 @@ def test_tracks_on_a_person_are_left_out_and_progress_is_told(tmp_path: Path) ->
     assert all(0 <= done <= total == 6 for _, done, total in steps)
 
 
+class Sees(Networks):
+    """No people, and a segmenter that sees a thing in the middle, as surely as a probability says."""
+
+    exist = True
+
+    def __init__(self, probability: float) -> None:
+        super().__init__()
+        self._sure = probability
+
+    @property
+    def segmenter(self) -> Any:
+        return self
+
+    def probability(self, crop: np.ndarray) -> np.ndarray:
+        shares = np.zeros(crop.shape[:2], np.float32)
+        cv2.circle(shares, (crop.shape[1] // 2, crop.shape[0] // 2), 80, self._sure, -1)
+        return shares
+
+    def poses(self, _picture: np.ndarray, _least: float) -> list[Any]:
+        return []
+
+
+@pytest.mark.parametrize(("probability", "left"), [(0.95, [1]), (0.6, None)])
+def test_what_stands_out_for_a_segmenter_is_left_out(
+    tmp_path: Path, probability: float, left: list[int] | None
+) -> None:
+    clip = open_footage(planes.write_clip(tmp_path / "walk", planes.sideways(6)))
+    given = Tracks(
+        clip.frames, 320, 240, np.repeat(np.arange(6), 2).astype(np.int32),
+        np.tile([0, 1], 6).astype(np.int32),
+        np.tile([[160.0, 120.0], [20.0, 20.0]], (6, 1)), np.zeros((2, 3), np.uint8),
+    )  # fmt: skip
+    found = without_people(given, clip, lambda *_: None, Sees(probability))
+    assert (None if found is None else np.unique(found.track).tolist()) == left
+
+
 @pytest.mark.parametrize(("step", "pan", "alive"), [(0.0, 0.0, False), (0.0, 3.0, False), (1.0, 3.0, True)])
 def test_a_figure_that_moves_as_one_with_the_scene_is_no_person(
     tmp_path: Path, step: float, pan: float, alive: bool
@@ -145,7 +181,7 @@ from addon.core.sfm.tracking.people_left_out import outside
 
 mask = np.zeros((240, 320), bool)
 {}
-worker.without_people = lambda tracks, footage, progress: outside(tracks, lambda frame: mask)
+worker.without_people = lambda tracks, *_: outside(tracks, lambda frame: mask)
 worker.main(Path(sys.argv[1]))
 """
 
@@ -155,7 +191,7 @@ def solved_with_mask(clip: Path, folder: Path, people: str = IN_PLACE) -> dict[s
     folder.mkdir()
     job = {
         "clip": open_footage(clip), "may_stay": False, "cameras": None, "fixed": False,
-        "lens": {"focal": None, "zooms": False},
+        "segmenter": None, "lens": {"focal": None, "zooms": False},
     }  # fmt: skip
     process = Worker()
     process.start([sys.executable, "-c", GIVEN.format(people), str(folder)])
@@ -172,7 +208,7 @@ def test_a_clip_that_is_refused_is_solved_without_its_people(tmp_path: Path) -> 
 
     report = solved_with_mask(clip, tmp_path / "solve")
     assert report["explained"] > 0.9
-    assert "the people in the clip were left out of the solve" in report["notes"]
+    assert "the clip's subjects were left out of the solve" in report["notes"]
     found = read_model(tmp_path / "solve" / "model")
     assert len(found.images) == FRAMES and found.points.error.mean() < 0.5
     assert all((image.xy[:, 1] < TOP).all() for image in found.images)
@@ -185,7 +221,7 @@ def test_a_clip_without_a_solution_is_refused_and_the_people_named(tmp_path: Pat
     grey = [np.full((240, 320, 3), 128, np.uint8)] * 6
     with pytest.raises(UserError, match="features") as caught:
         solved_with_mask(planes.write_clip(tmp_path / "grey", grey), tmp_path / "solve")
-    assert "the people in the clip were left out of the solve" in str(caught.value)
+    assert "the clip's subjects were left out of the solve" in str(caught.value)
     assert caught.value.remedies == (Remedy.FRAMES,)
 
 

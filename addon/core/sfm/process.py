@@ -71,6 +71,7 @@ class SolveProcess:
         stills: bool = False,
         pixel_aspect: float = 0.0,
         fixed: bool = True,
+        segmenter: Path | None = None,
     ) -> None:
         """Start a solve.
 
@@ -87,9 +88,10 @@ class SolveProcess:
             stills: True for unordered photos; a sequence that cannot be followed may turn out to be photos.
             pixel_aspect: As of `open_footage`.
             fixed: True to leave out what is burnt into the clip.
+            segmenter: The user's own, whose subject a clip that is refused is solved without.
         """
         self.work_dir = work_dir
-        self._yields = yielding
+        self._yields, self._segmenter = yielding, segmenter
         self._cameras = cameras
         self._job = Worker("solving process")
         self._call: Call[dict[str, Any]] | None = None
@@ -136,6 +138,7 @@ class SolveProcess:
             "clip": self.clip,
             "fixed": self._options["fixed"],
             "may_stay": self._maps is not None,
+            "segmenter": self._segmenter,
             "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
             "cameras": held,
         }

@@ -26,6 +26,7 @@ from ..media.exif import photo_data
 from ..media.fixed_area import fixed_area
 from ..readers.colmap_export import write_model
 from ..readers.matching import Imported
+from ..subjects.networks import Networks
 from .calibration import lens
 from .mapping import known_poses
 from .mapping.report import STAYS
@@ -63,7 +64,7 @@ POINTS_TAKEN = (
     "the cameras show no depth, because they hardly move: the model's own points are used, and how well"
     " they fit the clip is unknown"
 )
-LEFT_OUT = "the people in the clip were left out of the solve"
+LEFT_OUT = "the clip's subjects were left out of the solve"
 SQUEEZES = (2.0, 0.5)
 """Pixel aspects that are tried on a refused clip: of anamorphic lenses, and of pictures on their side."""
 UNSQUEEZED = 0.9
@@ -167,12 +168,13 @@ def _of_scene(tracks: Tracks, footage: Footage) -> Tracks:
 
 
 def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
-    """Cameras and points of a clip; before a refusal, without its people, and then from SIFT keypoints."""
+    """Cameras and points of a clip; before a refusal, without its subjects, and then from SIFT keypoints."""
     try:
         return _mapped(job, footage, tracks)
     except UserError as error:
         refusal = error
-    if (still := without_people(tracks, footage, _progress)) is not None:
+    networks = Networks(segmenter=job["segmenter"])
+    if (still := without_people(tracks, footage, _progress, networks)) is not None:
         try:
             return _mapped(job, footage, still, LEFT_OUT)
         except UserError as error:
@@ -203,7 +205,7 @@ def _squeeze(job: dict[str, Any], footage: Footage, tracks: Tracks) -> float:
 
 
 def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, left_out: str = "") -> _Found:
-    """Both found from tracks, without those of subjects, as a note says."""
+    """Both found from tracks; `left_out` is a note on tracks of subjects that are missing."""
     from .mapping import incremental_mapping
 
     prior = incremental_mapping.FocalPrior(**job["lens"])
@@ -216,8 +218,12 @@ def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, left_out: str
     try:
         mapped = incremental_mapping.reconstruct(tracks, prior, _progress, has_subjects or job["may_stay"])
     except UserError:
-        # A steadied or bent picture may be explained by no camera, and yet show hardly any depth.
-        if not has_subjects or check_motion(tracks) >= incremental_mapping.DOUBTFUL_PARALLAX:
+        # A steadied or bent picture may be explained by no camera, and yet show hardly any depth; subjects
+        # may leave too few features for a test.
+        moves = False
+        with contextlib.suppress(UserError):
+            moves = check_motion(tracks) >= incremental_mapping.DOUBTFUL_PARALLAX
+        if moves or not has_subjects:
             raise
     if mapped is None or (has_subjects and mapped.weak_depth is not None):
         mapped = incremental_mapping.staying(tracks, prior, _progress)

@@ -19,6 +19,9 @@ clips with drawn masks has a mean IoU of 0.846 at 512, 0.878 at 640 and 0.885 at
 of processor time."""
 FOUND, LEFT = 0.9, 0.1
 """Probability within a disc on a plain ground, at least, and on the ground, at most, in the test picture."""
+FILLED, CLEAR = 0.005, 0.3
+"""Shares of a picture, and of its pixels over `LEFT` those over `FOUND`, from which on it has a subject: that
+of 30 of 46 clips in half of the frames; of three it was a wrong one, five with a subject had none."""
 
 
 class Segmenter:
@@ -57,6 +60,12 @@ class Segmenter:
             raise UserError(f"segmenter: {self._network.name} cannot be used: {error}") from None
         whole = cv2.resize(np.clip(found, 0, 1), crop.shape[1::-1], interpolation=cv2.INTER_LINEAR)
         return np.asarray(whole, np.float32)
+
+
+def stands_out(probability: Map) -> bool:
+    """Return whether a picture has a subject, by the probability (h, w) of its most striking object."""
+    sure, possible = (np.count_nonzero(probability > each) for each in (FOUND, LEFT))
+    return bool((probability > 0.5).mean() > FILLED and sure >= CLEAR * possible)
 
 
 def _normal(sides: tuple[int, ...]) -> Normal:

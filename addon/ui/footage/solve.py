@@ -150,6 +150,7 @@ class Solves(Meanwhile):
                 stills=stills,
                 pixel_aspect=settings.pixel_aspect,
                 fixed=settings.fixed,
+                segmenter=absolute(settings.segmenter, context.scene) if settings.segmenter else None,
                 depth_maps=absolute(settings.depth_maps, context.scene) if settings.depth_maps else None,
             ),
             clip.name,

@@ -5,11 +5,12 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from ...base.arrays import Mask
+from ...base.arrays import Bytes, Mask
 from ...media.clip import Footage
 from ...subjects.networks import Networks
 from ...subjects.people import SEEN_IN, bodies, face_of, people, sampled
 from ...subjects.pictures import displayed, small
+from ...subjects.segmenter import Segmenter, stands_out
 from .degeneracy import pairs
 from .tracks import Progress, Tracks
 
@@ -33,18 +34,18 @@ which on these are alive, and the same where a face is seen."""
 def without_people(
     tracks: Tracks, footage: Footage, progress: Progress, networks: Networks | None = None
 ) -> Tracks | None:
-    """Return the tracks that are not on people, if people are the clip's subjects.
+    """Return the tracks that are not on people or on a segmenter's salient object, if these are subjects.
 
     Args:
         tracks: Those of the clip.
         footage: The clip.
         progress: Called with the stage, done and all looks.
-        networks: Those that recognise people.
+        networks: Those that recognise people, and maybe a segmenter.
 
     Returns:
-        Tracks with the same numbers, without the observations of the tracks on people; None where the
-            networks are missing, or find no people, or only figures that move as one with the scene: a
-            mannequin, or a picture that is repeated.
+        Tracks with the same numbers, without the observations of the tracks on subjects; None where the
+            networks are missing, or find none, or only figures that move as one with the scene: a mannequin,
+            or a picture that is repeated.
 
     Raises:
         UserError: A frame cannot be read.
@@ -54,10 +55,11 @@ def without_people(
         return None
     asked, masks, showing = sampled(footage.frames), dict[int, Mask](), 0
     looks, has_face = sorted({*sampled(footage.frames, LOOKS), *asked}), False
+    pictures = dict[int, Bytes]()
     for done, frame in enumerate(looks):
         progress("Looking for people", done, len(looks))
         stored = footage.read(frame)
-        picture = small(stored)
+        picture = pictures[frame] = small(stored)
         found = people(networks, picture) if frame in asked else []
         showing += bool(found)
         has_face = has_face or any(
@@ -65,10 +67,22 @@ def without_people(
         )
         shares = bodies(networks, picture)
         masks[frame] = np.max([np.zeros(picture.shape[:2]), *shares], axis=0) > 0.5
-    if showing < min(SEEN_IN, len(asked)):
+    outlines = {} if networks.segmenter is None else _outlines(networks.segmenter, pictures, asked)
+    if showing < min(SEEN_IN, len(asked)) and not outlines:
         return None
+    for frame, outline in outlines.items():
+        masks[frame] |= outline
     left = outside(tracks, lambda frame: masks[min(masks, key=lambda each: abs(each - frame))])
     return left if own_motion(tracks, left) >= (WITH_FACE if has_face else ALIVE) else None
+
+
+def _outlines(segmenter: Segmenter, pictures: dict[int, Bytes], asked: list[int]) -> dict[int, Mask]:
+    """Masks (h, w) of the salient object, by frame; none without one in half of the frames asked for."""
+    seen = {frame: segmenter.probability(pictures[frame]) for frame in asked}
+    if 2 * sum(map(stands_out, seen.values())) < len(asked):
+        return {}
+    seen |= {frame: segmenter.probability(pictures[frame]) for frame in pictures if frame not in seen}
+    return {frame: share > 0.5 for frame, share in seen.items()}
 
 
 def own_motion(tracks: Tracks, rest: Tracks) -> float:
