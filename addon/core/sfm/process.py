@@ -15,7 +15,7 @@ from ..base.messages import Progress
 from ..base.worker import Call, Worker, end
 from ..camera.focal_length import Focal, in_pixels
 from ..depth.placed_points import placed
-from ..depth.user_maps import DepthMaps, open_depth
+from ..depth.user_maps import open_depth
 from ..media.clip import FrameRange, open_footage
 from ..media.clip_identity import identity
 from ..readers.colmap_export import read_model, write_model
@@ -190,13 +190,11 @@ class SolveProcess:
         assert self._staging is not None
         self._options["stills"] = said["stills"]
         if said["method"] == STAYS and self._maps is not None:
-            self._place(self._staging.folder / MODEL, self._maps)
+            # Its points have no distances of their own.
+            model = self._staging.folder / MODEL
+            write_model(model, placed(read_model(model), self._maps))
         self._staging.keep(self.clip, self._identity, self._options, said)
         self.finished = True
-
-    def _place(self, model: Path, maps: DepthMaps) -> None:
-        """Give the points of a camera that stays in its place the distances of the depth maps."""
-        write_model(model, placed(read_model(model), maps))
 
     def _clean(self) -> None:
         if self._staging is not None:

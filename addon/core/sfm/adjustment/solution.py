@@ -92,11 +92,7 @@ def explained(solution: Solution) -> float:
 
 
 def score(solution: Solution, keys: list[int]) -> float:
-    """Return the share of lasting tracks in the keyframes that is explained, by closeness; 1 is all, exactly.
-
-    A truncated quadratic of the errors: a scene that bends to explain two motions roughly loses to one that
-    explains one motion well (MSAC: Torr and Zisserman, "MLESAC", 2000).
-    """
+    """Return the share of lasting tracks in the keyframes that is explained, by `closeness`."""
     tracks = solution.tracks
     is_key = np.zeros(len(tracks.frames), bool)
     is_key[keys] = True
@@ -104,8 +100,16 @@ def score(solution: Solution, keys: list[int]) -> float:
     lasting = np.bincount(tracks.track[rows], minlength=tracks.count) >= MIN_VIEWS
     rows &= lasting[tracks.track]
     error = np.where(solution.used, solution.errors(), np.inf)[rows]
-    share = error / (CLOSE * solution.max_error)
-    return float(np.fmax(1 - share**2, 0).mean()) if rows.any() else 0.0
+    return closeness(error, CLOSE * solution.max_error) if rows.any() else 0.0
+
+
+def closeness(error: Floats, close: float) -> float:
+    """Return the share of errors (m,) below `close` pixels, the less the larger they are; 1 is all, exactly.
+
+    A truncated quadratic: a scene that bends to explain two motions roughly loses to one that explains one
+    motion well (MSAC: Torr and Zisserman, "MLESAC", 2000).
+    """
+    return float(np.fmax(1 - (error / close) ** 2, 0).mean())
 
 
 def register_frames(solution: Solution, progress: Progress) -> None:

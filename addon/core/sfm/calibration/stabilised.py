@@ -15,8 +15,9 @@ import numpy as np
 from ...base.arrays import Floats, Ints
 from ...base.errors import Remedy, UserError
 from ..adjustment.bundle import Observations
+from ..adjustment.normal_equations import summed
 from ..adjustment.small_motion import long_tracks, rank_correlation
-from ..adjustment.solution import CLOSE, Solution
+from ..adjustment.solution import CLOSE, Solution, closeness
 from ..tracking.degeneracy import MIN_SHARED
 
 # Chosen by inspection of solved clips.
@@ -83,23 +84,17 @@ def _slopes(x: Floats, y: Floats, weight: Floats, group: Ints, count: int) -> tu
     x, y, weight, group = x[known], y[known], weight[known], group[known]
     total = np.maximum(np.bincount(group, weight, count), 1e-12)
     mean_x = np.bincount(group, weight * x, count) / total
-    mean_y = np.stack([np.bincount(group, weight * y[:, k], count) / total for k in (0, 1)], axis=1)
+    mean_y = summed(weight[:, None] * y, group, count) / total[:, None]
     away = x - mean_x[group]
     spread = np.maximum(np.bincount(group, weight * away**2, count), 1e-12)
-    slope = np.stack(
-        [np.bincount(group, weight * away * (y - mean_y[group])[:, k], count) / spread for k in (0, 1)],
-        axis=1,
-    )
+    slope = summed((weight * away)[:, None] * (y - mean_y[group]), group, count) / spread[:, None]
     return slope, mean_y - slope * mean_x[:, None]
 
 
 def _common_slope(x: Floats, y: Floats, weight: Floats, group: Ints, count: int) -> tuple[Floats, Floats]:
     """Slope (count,) and offset (count, 2) of y (m, 2) = slope x (m, 2) + offset (2,), in groups."""
     total = np.maximum(np.bincount(group, weight, count), 1e-12)
-    mean_x, mean_y = (
-        np.stack([np.bincount(group, weight * z[:, k], count) / total for k in (0, 1)], axis=1)
-        for z in (x, y)
-    )
+    mean_x, mean_y = (summed(weight[:, None] * z, group, count) / total[:, None] for z in (x, y))
     away = x - mean_x[group]
     spread = np.maximum(np.bincount(group, weight * (away**2).sum(axis=1), count), 1e-12)
     slope = np.bincount(group, weight * (away * (y - mean_y[group])).sum(axis=1), count) / spread
@@ -112,7 +107,7 @@ class Compared:
 
     solved: float
     shifted: float
-    """Scores of 1: how much is explained and how closely, as `solution.score`."""
+    """How much is explained and how closely, by `closeness`."""
     order: float
     """Rank correlation of the inverse depths of the two, without its sign; 1 where it cannot be compared."""
 
@@ -134,7 +129,7 @@ def compare(made: Solution, keys: list[int]) -> Compared | None:
     good = np.isfinite(depth) & (depth > 0)
     enough = good.sum() >= MIN_SHARED
     order = rank_correlation(1 / depth[good], inverse[good]) if enough else 1.0
-    return Compared(_score(own, close), _score(error, close), abs(order))
+    return Compared(closeness(own, close), closeness(error, close), abs(order))
 
 
 def refuse_shifted(made: Solution, keys: list[int]) -> None:
@@ -157,8 +152,3 @@ def refuse_shifted(made: Solution, keys: list[int]) -> None:
             " film with more sideways movement",
             Remedy.FRAMES,
         )
-
-
-def _score(error: Floats, close: float) -> float:
-    share = np.minimum(np.nan_to_num(error, nan=np.inf), close) / close
-    return float((1 - share**2).mean())
