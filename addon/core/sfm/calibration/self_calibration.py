@@ -125,8 +125,6 @@ def _growth(a: Floats, b: Floats) -> float:
 
 def zoomed(tracks: Tracks, ratio: Floats) -> Tracks:
     """Return the tracks as a lens that does not zoom would have seen them; `ratio` is (F,) focal lengths."""
-    if np.all(ratio == 1):
-        return tracks
     centre = np.array([tracks.width, tracks.height]) / 2
     return replace(tracks, xy=(tracks.xy - centre) / ratio[tracks.frame_index, None] + centre)
 

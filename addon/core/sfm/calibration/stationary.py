@@ -11,14 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.arrays import Floats
-from ...camera.reconstruction import rotation_vector
+from ...camera.reconstruction import turning_speeds
 from ..adjustment.bundle import Bundle
 from ..adjustment.bundle_adjustment import Adjusted, adjust
 from ..adjustment.distortion import SIGMA, undistorted
-from ..adjustment.small_motion import LOSS, LongTracks, general_motion, robust_turn, rotation_only
+from ..adjustment.small_motion import LOSS, LongTracks, general_motion, rotation_only
 from ..adjustment.solution import Solution
-from ..tracking.degeneracy import MIN_SHARED, unit_rays
-from ..tracking.tracks import Tracks
+from ..tracking.degeneracy import MIN_SHARED
 from .self_calibration import as_bundle
 
 # Lengths are in pixels of a 1,000-pixel frame.
@@ -70,13 +69,15 @@ def depth_evidence(made: Solution) -> DepthEvidence | None:
     loss = LOSS * long_side / 1000
     tie = (loss / ZOOM_STEP) ** 2
     focal = float(np.median(made.focal[posed]))
-    pinhole = undistorted((tracks.width, tracks.height), _speeds(tracks, focal)[posed])
     span = LongTracks(seen, kept, len(posed), loss)
+    turns = rotation_only(span, focal).bundle
+    speed = turning_speeds(turns.rotation, np.array(tracks.frames)[posed])
+    pinhole = undistorted((tracks.width, tracks.height), speed)
 
     def adjusted(start: Bundle) -> Adjusted:
         return adjust(start, seen, loss, "each", tie)
 
-    turning = adjusted(replace(rotation_only(span, focal).bundle, distortion=pinhole)).bundle
+    turning = adjusted(replace(turns, distortion=pinhole)).bundle
     moving = adjusted(replace(bundle, distortion=pinhole))
     found = _compared((turning, moving.bundle, bundle), span, long_side)
     if found.gain > 0:
@@ -117,13 +118,3 @@ def _gain(turned: Floats, moved: Floats, tracks: int, frames: int) -> float:
         for error, structure, pose in ((turned, 2, 4), (moved, 3, 7))
     ]
     return float(criteria[0] - criteria[1]) / len(turned)
-
-
-def _speeds(tracks: Tracks, focal: float) -> Floats:
-    """(F, 3) rotation vectors from each frame to the next, in camera axes, by the tracks that both see."""
-    centre = np.array([tracks.width, tracks.height]) / 2
-    steps = np.zeros((len(tracks.frames) - 1, 3))
-    for index in range(len(steps)):
-        a, b = (unit_rays((xy - centre) / focal) for xy in tracks.shared(index, index + 1))
-        steps[index] = rotation_vector(robust_turn(a, b))
-    return np.asarray((np.concatenate([steps[:1], steps]) + np.concatenate([steps, steps[-1:]])) / 2)
