@@ -265,12 +265,6 @@ def is_solved(work_dir: Path, footage: Footage, options: dict[str, Any], again: 
     return same and there and tuple(state["frames"]) == footage.frames
 
 
-def imported_from(work_dir: Path) -> str | None:
-    """Return the format of the import that the folder keeps; None where it keeps none."""
-    state = read_state(work_dir)
-    return None if state is None else state.get("imported")
-
-
 def keep_import(found: Imported, footage: Footage, work_dir: Path, again: bool = False) -> None:
     """Keep another program's solve, in its own unit, as if it were our own.
 

@@ -15,7 +15,7 @@ from ...core.readers.matching import Imported
 from ...core.sfm.opening import Opening
 from ...core.sfm.process import SolveProcess
 from ...core.sfm.state import STATE
-from ...core.sfm.workspace import Solve, imported_from, load_solve
+from ...core.sfm.workspace import Solve, load_solve
 from ...render.viewport import viewport
 from ...scene.base import redraw
 from ...scene.base.paths import absolute
@@ -70,7 +70,9 @@ def kept_words(folder: Path) -> str:
     """Return the content of a working folder in a line, for a question before it is replaced."""
     made = time.strftime("%d %B %Y, %H:%M", time.localtime((folder / STATE).stat().st_mtime))
     try:
-        quality, kind = load_solve(folder).quality, imported_from(folder) or "Solve"
+        solve = load_solve(folder)
+        quality = solve.quality
+        kind = solve.report["method"] if quality.focal_from == "file" else "Solve"
     except UserError:
         # Its clip is gone, or it is damaged.
         return f"Solve of {made}"

@@ -267,7 +267,8 @@ class _Keyframes:
             yield "pairs", self._by_pairs(tracks, start)
             if found and found[0].explained > MIN_FOLLOWED:
                 # It may have followed a moving object: its tracks are removed, and the rest tried.
-                yield "pairs", self._by_pairs(_without(tracks, found[0].solution), start, tracks)
+                rest = np.isnan(found[0].solution.xyz[tracks.track, 0])
+                yield "pairs", self._by_pairs(tracks.only(rest), start, tracks)
                 if self.prior.known > 0:
                     # Or it began with too short a lens and holds a flat background for all there is.
                     yield "pairs", self._by_pairs(tracks, LONGER_FOCAL * start)
@@ -333,8 +334,3 @@ class _Keyframes:
         made.translation[self.keys] = placed.bundle.translation
         made.xyz[span.tracks] = placed.bundle.world
         return made
-
-
-def _without(tracks: Tracks, made: Solution) -> Tracks:
-    """The tracks that a solution has no point for; their numbers stay."""
-    return tracks.only(np.isnan(made.xyz[tracks.track, 0]))
