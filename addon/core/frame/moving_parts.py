@@ -31,10 +31,6 @@ from ..subjects.standing import Standing, SubjectDistance
 from ..subjects.static_depth import StaticDepth
 from ..subjects.strokes import MarkedSubject
 
-LONG = 16
-"""Key frames of a clip from which on the sizes of a recognised subject are measured in these alone: twice as
-many as their drift takes."""
-
 
 @dataclass(frozen=True)
 class MovingParts:
@@ -118,23 +114,26 @@ class MovingParts:
     @remembered()
     def distance(self, subject: ClipSubject) -> SubjectDistance:
         """Return the distance of a subject through the clip."""
-        keys = self.subjects.pictures.keys
-        is_long = len(keys) >= LONG and subject.cut(keys[len(keys) // 2]).trust >= UNRECOGNISED
+
+        def is_recognised(frame: int) -> bool:
+            return subject.cut(frame).trust >= UNRECOGNISED
+
         name = f"moving-{subject.key}-sizes"
-        return self._distance_of(subject.mask, self.subjects.store, name, keys if is_long else ())
+        return self._distance_of(subject.mask, self.subjects.store, name, is_recognised)
 
     def _distance_of(
         self,
         mask: Callable[[int], Mask],
         store: Store = NOT_KEPT,
         name: str = "",
-        measured: tuple[int, ...] = (),
+        is_recognised: Callable[[int], bool] = lambda frame: False,
     ) -> SubjectDistance:
         pictures = self.subjects.pictures
         if self.reconstruction.stays:
             return SubjectDistance(
-                pictures, mask, partial(self.inverse_depths, mask), store=store, name=name, measured=measured
-            )
+                pictures, mask, partial(self.inverse_depths, mask), store=store, name=name,
+                is_recognised=is_recognised,
+            )  # fmt: skip
         networks = self.subjects.networks
 
         def feet(frame: int, subject: Mask) -> Floats | None:
@@ -143,7 +142,7 @@ class MovingParts:
         ground = Standing(self.static, self._known, feet)
         return SubjectDistance(
             pictures, mask, partial(ground.inverse_depths, mask), partial(ground.bounds, mask), feet, store,
-            name, measured,
+            name, is_recognised,
         )  # fmt: skip
 
     @cached_property

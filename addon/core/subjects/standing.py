@@ -54,6 +54,9 @@ interquartile range of those heights, so that the contact counts instead of the 
 behind a man all, with 0.4: there the points are right."""
 CONTACTS = 12
 """Frames of a clip in which the place where a subject stands is looked for."""
+LONG = 16
+"""Key frames of a clip from which on contacts of subjects, and sizes of recognised ones, are measured in them
+alone: twice as many as the drift of sizes takes."""
 HEIGHTS, SURE_DRIFT = 60, 8
 """Frames by whose outlines the drift of sizes is estimated, at most and at least."""
 
@@ -261,13 +264,19 @@ class SubjectDistance:
     """Storage of its sizes."""
     name: str = ""
     """Name of its sizes in the storage."""
-    measured: tuple[int, ...] = ()
-    """Frames in which its size is measured, with the first and the last of the clip; all without them."""
+    is_recognised: Callable[[int], bool] = lambda frame: False
+    """Returns whether networks recognise it in a frame; not asked where its sizes are kept."""
 
     def inverse_depth(self, frame: int) -> float | None:
         """Return the inverse depth in 1 / scene units; None where no frame shows where the subject stands."""
         factor = self._factor
         return None if factor is None else float(factor * self._sizes[self.pictures.frames.index(frame)])
+
+    @property
+    def _looked_at(self) -> tuple[int, ...]:
+        """The frames in which a recognised subject is measured."""
+        keys = self.pictures.keys
+        return keys if len(keys) >= LONG else self.pictures.frames
 
     @cached_property
     def _sizes(self) -> Floats:
@@ -275,7 +284,9 @@ class SubjectDistance:
         return self.store.once(numbers(self.name, len(self.pictures.frames)), self._measured_sizes)
 
     def _measured_sizes(self) -> Floats:
-        keys, flow = self.measured or self.pictures.frames, self.pictures.flow
+        keys, flow = self._looked_at, self.pictures.flow
+        if len(keys) < len(self.pictures.frames) and not self.is_recognised(keys[len(keys) // 2]):
+            keys = self.pictures.frames
         at = np.array([self.pictures.frames.index(key) for key in keys])
         changes, heights, rarely = list[float](), list[float](), max(len(keys) // HEIGHTS, 1)
         for number, (key, after) in enumerate(zip(keys, (*keys[1:], None), strict=True)):
@@ -303,8 +314,7 @@ class SubjectDistance:
     @cached_property
     def _factor(self) -> float | None:
         """Inverse depth over size."""
-        keys = self.measured or self.pictures.frames
-        shown = [key for key in keys if np.count_nonzero(self.mask(key)) >= LEAST]
+        shown = [frame for frame in self._looked_at if np.count_nonzero(self.mask(frame)) >= LEAST]
         looked_at = sampled(shown, CONTACTS) if shown else []
 
         def factors(inverse: Mapping[int, float]) -> list[float]:
