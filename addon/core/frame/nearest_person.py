@@ -10,7 +10,6 @@ from ..base.progress import part
 from ..focus.focus import Focus
 from ..focus.place import Place
 from ..subjects.people import SMALLEST
-from ..subjects.pictures import EVERY
 from .clip_context import ClipContext
 from .first_person import middle_of
 from .repaired_depth import repaired_subject
@@ -47,8 +46,9 @@ def nearest_person(clip: ClipContext, frame: int, repairs: Sequence[Repair] = ()
         with part(number, len(people)):
             followed = repaired_subject(clip, person.name, frame, repairs).followed
             inverse[number] = [1 / followed[each] for each in frames]
-            seen = [person.mask(key).mean() >= SMALLEST for key in clip.parts.subjects.pictures.keys]
-            shown[number] = np.repeat(seen, EVERY)[: len(frames)]
+            pictures = clip.parts.subjects.pictures
+            seen = [person.mask(key).mean() >= SMALLEST for key in pictures.keys]
+            shown[number] = pictures.of_keys(np.array(seen))
     if not shown.any():
         raise UserError("people are too small in the clip to focus on; pick what should be in focus")
     weights = _weights(inverse, shown)

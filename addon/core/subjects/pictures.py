@@ -9,7 +9,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from ..base.arrays import Bytes
+from ..base.arrays import Bytes, Mask
 from ..base.lru_cache import remembered
 from ..media.light import encode_srgb
 from ..media.picture_file import Pixels
@@ -45,6 +45,10 @@ class ClipPictures:
     def keys(self) -> tuple[int, ...]:
         """Key frames: every `EVERY`th of the clip, and the last one."""
         return *self.frames[:-1:EVERY], self.frames[-1]
+
+    def of_keys(self, values: Mask) -> Mask:
+        """Return (n,) for each frame the value of the last key frame up to it, from those (k,) of `keys`."""
+        return np.repeat(values, EVERY)[: len(self.frames)]
 
     @cached_property
     def flow(self) -> ClipFlow:

@@ -55,7 +55,7 @@ behind a man all, with 0.4: there the points are right."""
 CONTACTS = 12
 """Frames of a clip in which the place where a subject stands is looked for."""
 LONG = 16
-"""Key frames of a clip from which on contacts of subjects, and sizes of recognised ones, are measured in them
+"""Key frames of a clip from which on contacts of subjects, and sizes of recognised ones, are measured there
 alone: twice as many as the drift of sizes takes."""
 HEIGHTS, SURE_DRIFT = 60, 8
 """Frames by whose outlines the drift of sizes is estimated, at most and at least."""
