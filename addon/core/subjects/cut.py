@@ -39,13 +39,16 @@ AGREES = (0.35, 0.65)
 and from which on they do."""
 CARRIED = (1.2, 0.4)
 """Weight of the mask that flow predicts, of a subject that networks do not recognise, and of one they do."""
-LEAP, FARTHER = 0.06, 4.5
-"""Distance from the carried place, over the subject's larger side, beyond which the log-odds of a subject
-that networks do not recognise are less by `FARTHER`. With twice the distance, or a third of the log-odds, a
-drawn disc spreads over the post that hides it."""
+COLOUR = (3.0, 2.0)
+"""Log-odds that colours add at most: the same."""
+LEAP, FARTHER = 0.06, 1.5
+"""Distance from the carried place, over the subject's larger side, beyond which its log-odds are less by
+`FARTHER`: a limb may reach so far in a frame."""
 ITERATIONS, SETTLED = 6, 0.98
 """Most times that a subject under strokes is cut out again, and intersection over union of two results in a
 row from which on it is done."""
+LEARNED = 0.05
+"""Share of the colours that is learned from each frame."""
 LOST = 0.15
 """Share of the area that a subject had, with less of which it is hidden or has left the picture: the rest
 would be carried as if it were the whole."""
@@ -73,7 +76,7 @@ class Cut:
     share: Map
     """(h, w) float32 probability."""
     colours: Colours
-    """Its colours in the frame that shows it first."""
+    """Its colours."""
     trust: float
     """In [0, 1], how far the networks recognise it."""
     area: float
@@ -157,12 +160,17 @@ def first_cut(
             start = _grabbed(picture, adds, takes) if moved is None else moved
             share = 0.9 * start + 0.05
             seen, _ = _recognised_from(networks, picture, start, Box.around(start, CROP))
-            trust = min(trust, _within(overlap(seen > 0, start)))
+            trust = min(trust, _agreement(seen, start))
     share = np.asarray(np.where(takes, 0, share), np.float32)
+    if (share > 0.5).any():
+        # Or it would grow again in each iteration.
+        box = Box.around(share > 0.5)
+        reach = 2.5 * LEAP * max(box.right - box.left, box.bottom - box.top)
+        marked = marked - FARTHER * (3 - 2 * trust) * (distance(share > 0.5) > reach)
     for _ in range(ITERATIONS):
         checkpoint()
         before = share > 0.5
-        share = _solved(picture, share, seen, trust, neighbours, marked, CARRIED[1])
+        share = _solved(picture, share, seen, trust, neighbours, marked, CARRIED[1], 2.5 * LEAP)
         share = np.where(
             touching(share > 0.5, adds if prior is None else expected) & ~takes, share, np.minimum(share, 0.3)
         )
@@ -195,12 +203,11 @@ def next_cut(
         carried = _with_uncovered(picture, before.colours, carried, neighbours)
     there = carried > 0.5
     seen, region = recognised(networks, picture, there, before.region)
-    trust = (1 - TRUST_LEARNED) * before.trust + TRUST_LEARNED * _within(overlap(seen > 0, there))
+    trust = (1 - TRUST_LEARNED) * before.trust + TRUST_LEARNED * _agreement(seen, there)
     weight = trust * CARRIED[1] + (1 - trust) * CARRIED[0]
-    box = Box.around(there)
-    reach = LEAP * max(box.right - box.left, box.bottom - box.top)
-    marked = -FARTHER * (1 - trust) * (distance(there) > reach)
-    share = _solved(picture, carried, seen, trust, neighbours[:1], marked, weight, before.colours)
+    share = _solved(
+        picture, carried, seen, trust, neighbours[:1], np.zeros_like(carried), weight, LEAP, before.colours
+    )
     share = np.where(touching(share > 0.5, there), share, np.minimum(share, np.float32(0.3)))
     found = Cut.known(picture, share, trust) if (share > 0.5).any() else before.gone()
     beside = neighbours[0]
@@ -210,7 +217,7 @@ def next_cut(
         return before.gone()
     return replace(
         found, sure=overlap(share > 0.5, there), region=region,
-        colours=before.colours,
+        colours=before.colours.mixed(found.colours, LEARNED),
         area=(1 - TRUST_LEARNED) * area + TRUST_LEARNED * found.area,
     )  # fmt: skip
 
@@ -219,7 +226,7 @@ def _with_uncovered(picture: Bytes, colours: Colours, carried: Map, neighbours: 
     """A probability (h, w) with the parts that an occluder uncovers, by their place, motion and colours."""
     there = carried > 0.5
     moved = np.max([each.agrees * motion(each.flow, there) for each in neighbours], axis=0)
-    alike = ((moved > INLIER) & (colours.odds(picture) > LIKE)).astype(np.uint8)
+    alike = ((moved > INLIER) & (colours.odds(picture, COLOUR[0]) > LIKE)).astype(np.uint8)
     whole = cv2.morphologyEx(alike, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
     found = touching(whole, distance(there) < APART_ALIKE * max(there.shape))
     return np.where(found, np.float32(UNCOVERED), carried)
@@ -227,17 +234,21 @@ def _with_uncovered(picture: Bytes, colours: Colours, carried: Map, neighbours: 
 
 def _solved(
     picture: Bytes, share: Map, seen: Map, trust: float, neighbours: list[Neighbour], marked: Map,
-    weight: float, colours: Colours | None = None,
+    weight: float, leap: float, colours: Colours | None = None,
 ) -> Map:  # fmt: skip
     """(h, w) probability of a subject by all evidence, from the probability (h, w) that is expected."""
     there = share > 0.5
     if not there.any():
         return share
+    box = Box.around(there)
+    side = max(box.right - box.left, box.bottom - box.top)
     agrees = neighbours[0].agrees if neighbours else np.float32(1)
     odds = np.where(seen > OUTSIDE, np.float32(trust), 1) * seen + marked
     odds += weight * (0.3 + 0.7 * agrees) * log_odds(cv2.GaussianBlur(share, (0, 0), 1.5))
+    odds -= FARTHER * (3 - 2 * trust) * (distance(there) > leap * side)
+    most = trust * COLOUR[1] + (1 - trust) * COLOUR[0]
     own = Colours.of(picture, share) if colours is None else colours
-    odds += np.where(seen > OUTSIDE, own.odds(picture), 0)
+    odds += np.where(seen > OUTSIDE, own.odds(picture, most), 0)
     for each in neighbours:
         odds += each.agrees * motion(each.flow, there) / len(neighbours)
     return probability(globally_smoothed(picture, np.asarray(odds, np.float32), SMOOTH_LAMBDA, SMOOTH_SIGMA))
@@ -266,8 +277,13 @@ def _recognised_from(networks: Networks, picture: Bytes, expected: Mask, box: Bo
     return (found if person is None else np.asarray((found + 2 * person) / 2, np.float32)), settled
 
 
+def _agreement(seen: Map, there: Mask) -> float:
+    """In [0, 1] how far the networks recognise a subject that is expected at a mask (h, w)."""
+    return _within(overlap(seen > 0, there))
+
+
 def _within(overlap: float) -> float:
-    """In [0, 1] where an intersection over union is between both of `AGREES`: how far they recognise it."""
+    """In [0, 1] where an intersection over union is between both of `AGREES`."""
     low, high = AGREES
     return float(np.clip((overlap - low) / (high - low), 0, 1))
 

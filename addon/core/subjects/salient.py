@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Map, Mask
-from .cut import LEAST, LIKE
+from .cut import COLOUR, LEAST, LIKE
 from .networks import Networks
 from .odds import Box, Colours, distance, overlap
 from .people import bodies, overlap_of, touching
@@ -92,7 +92,7 @@ class Look:
         there = carried > 0.5
         if np.count_nonzero(there) < LEAST:
             return np.zeros_like(carried), 0.0
-        box, alike = _box(there), colours.odds(self.pictures.picture(self.frame))
+        box, alike = _box(there), colours.odds(self.pictures.picture(self.frame), COLOUR[0])
         seen = self._seen(box)
         near = distance(there) < NEAR * (box.right - box.left)
         kept = _parts((seen > 0.5) & near, there, alike, area)
