@@ -337,38 +337,6 @@ def test_a_readout_is_kept_and_must_lie_within_a_frame(
         assert load_solve(work).reconstruction.readout == read
 
 
-def test_what_frames_show_besides_is_kept_and_its_damage_told(work: Path) -> None:
-    solve = load_solve(work)
-    added = [image.visible for image in solve.reconstruction.images]
-    assert sum(map(len, added)) > 0
-    for image in solve.reconstruction.images:
-        assert not len(np.intersect1d(image.points, image.visible))
-    assert (
-        f"and {int(np.median([len(each) for each in added]))} more seen by other frames"
-        in solve.quality.text({})
-    )
-    (work / "model" / "visible.npz").write_bytes(b"PK\3\4")
-    with pytest.raises(UserError, match=r"visible\.npz was changed or damaged after the solve") as raised:
-        load_solve(work)
-    assert raised.value.remedies == (Remedy.AGAIN,)
-    # A state that was edited by hand may leave out what it wrote.
-    state = json.loads((work / "solve.json").read_text())
-    (work / "solve.json").write_text(
-        json.dumps({k: v for k, v in state.items() if k not in ("model", "digest")})
-    )
-    with pytest.raises(UserError, match=r"visible\.npz is damaged"):
-        load_solve(work)
-    np.savez(work / "model" / "visible.npz", frame=[1], point=[len(solve.reconstruction.points)])
-    with pytest.raises(UserError, match=r"visible\.npz is damaged"):
-        load_solve(work)
-    first = solve.reconstruction.frames[0]
-    np.savez(work / "model" / "visible.npz", frame=[-first], point=[0])
-    with pytest.raises(UserError, match=r"visible\.npz is damaged"):
-        load_solve(work)
-    (work / "model" / "visible.npz").unlink()
-    assert all(not len(image.visible) for image in load_solve(work).reconstruction.images)
-
-
 def test_a_clip_that_moved_along_is_found_and_a_lost_one_told(
     solved: Solve, clip: Path, tmp_path: Path
 ) -> None:

@@ -44,8 +44,6 @@ class Image:
     """(n,) rows of `Reconstruction.points` that the features belong to."""
     camera: int = 0
     """Index into `Reconstruction.cameras`."""
-    visible: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
-    """(k,) rows of other points that are seen in the frame and were not tracked there."""
 
     @property
     def centre(self) -> Floats:

@@ -40,10 +40,7 @@ class FrameFeatures(DepthSamples):
 
 
 def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -> FrameFeatures:
-    """Features of a frame whose 3D points lie in front of the camera and project to where they were seen.
-
-    Points that the frame shows but did not track are seen where they project to.
-    """
+    """Features of a frame whose 3D points lie in front of the camera and project to where they were seen."""
     image, pose_interpolated = reconstruction.image_at(frame)
     local, ahead = seen_by(image, reconstruction, image.points)
     source = reconstruction.intrinsics(image)
@@ -53,14 +50,9 @@ def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -
     with np.errstate(over="ignore", invalid="ignore"):
         fits = np.linalg.norm((observed - projected) / zoom, axis=1) < MAX_REPROJECTION_ERROR
     keep = ahead & fits
-    more, in_front = seen_by(image, reconstruction, image.visible)
-    added = canvas.pinhole.project(more[in_front])
     return FrameFeatures(
-        frame, np.concatenate([observed[keep], added]),
-        1.0 / np.concatenate([local[keep, 2], more[in_front, 2]]), pose_interpolated,
-        np.concatenate([projected[keep], added]),
-        np.concatenate([image.points[keep], image.visible[in_front]]),
-    )  # fmt: skip
+        frame, observed[keep], 1.0 / local[keep, 2], pose_interpolated, projected[keep], image.points[keep]
+    )
 
 
 def point_inverse_depths(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:

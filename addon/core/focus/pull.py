@@ -133,7 +133,7 @@ def _is_shown(place: Place, reconstruction: Reconstruction, frame: int) -> bool:
         return at is not None and all(0 <= each <= 1 for each in at)
     if not place.focus.points:
         return True
-    return any(np.isin(seen, place.focus.points).any() for seen in (image.points, image.visible))
+    return bool(np.isin(image.points, place.focus.points).any())
 
 
 def _inverse_depth(place: Place, reconstruction: Reconstruction, frame: int) -> float:

@@ -30,29 +30,26 @@ from ..subjects.networks import Networks
 from .calibration import lens
 from .mapping import known_poses
 from .mapping.report import STAYS
-from .mapping.visibility import visible_points
 from .tracking.degeneracy import StaysError, check_motion, refuse_cuts
 from .tracking.people_left_out import outside, without_people
 from .tracking.photo_matching import Photo, find_features, match_all
 from .tracking.tracker_pictures import Watch
 from .tracking.tracks import Tracks, are_bridged, check_shape, cuts, match_features, track_features
-from .workspace import keep_visible
 
 SHARES = {
-    "Tracking features": (0.0, 0.2),
-    "Finding features": (0.0, 0.2),
-    "Matching photos": (0.2, 0.7),
-    "Placing photos": (0.7, 0.93),
-    "Verifying matches": (0.2, 0.27),
-    "Comparing cameras": (0.2, 0.82),
-    "Solving cameras": (0.27, 0.42),
-    "Settling the focal length": (0.42, 0.6),
-    "Looking for a lens": (0.6, 0.8),
-    "Finding how the camera turns": (0.8, 0.93),
-    "Registering frames": (0.8, 0.82),
-    "Adjusting": (0.82, 0.93),
-    "Looking for people": (0.93, 0.93),
-    "Looking for points": (0.93, 1.0),
+    "Tracking features": (0.0, 0.22),
+    "Finding features": (0.0, 0.22),
+    "Matching photos": (0.22, 0.75),
+    "Placing photos": (0.75, 1.0),
+    "Verifying matches": (0.22, 0.29),
+    "Comparing cameras": (0.22, 0.88),
+    "Solving cameras": (0.29, 0.45),
+    "Settling the focal length": (0.45, 0.64),
+    "Looking for a lens": (0.64, 0.86),
+    "Finding how the camera turns": (0.86, 1.0),
+    "Registering frames": (0.86, 0.88),
+    "Adjusting": (0.88, 1.0),
+    "Looking for people": (1.0, 1.0),
 }
 """Which part of the whole each stage is, from the times of the duck and the sample clip."""
 METADATA_SIGMA = 0.1
@@ -100,8 +97,6 @@ def solve(job: dict[str, Any], folder: Path) -> dict[str, Any]:
     result, model, said = found.reconstruction, folder / "model", found.said
     model.mkdir()
     write_model(model, result)
-    if is_clip:
-        keep_visible(model, visible_points(result, footage, progress=_progress))
     return {
         **said,
         "notes": [*footage.notes, *said["notes"]],

@@ -1,24 +1,19 @@
 """The working folder that keeps a solve.
 
 DIR/solve.json   the clip, its frames, the options of the solve, and the report
-DIR/model/       the reconstruction as a COLMAP text model; for our own solves also the untracked visible
-                 points of frames
+DIR/model/       the reconstruction as a COLMAP text model
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..base import atomic
-from ..base.arrays import Ints
 from ..base.counting import counted
 from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
-from ..base.npz import read_arrays
 from ..camera.reconstruction import Reconstruction, upright
 from ..media.clip import Footage, FrameRange, open_footage
 from ..media.clip_identity import clip_exists, identity, is_same_clip
@@ -37,9 +32,6 @@ from .state import (
     recorded_places,
     recover,
 )
-
-VISIBLE = "visible.npz"
-"""Frames and points that are visible, but not tracked, beside the model."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +124,7 @@ def load_solve(work_dir: Path, clip: Path | None = None) -> Solve:
     video = _video_of(footage, VideoInfo.parse(state.get("video")))
     is_stills = state.get("stills") is True
     reconstruction = replace(
-        _with_visible(work_dir / MODEL), is_ordered=not is_stills, readout=_readout(work_dir, state)
+        read_model(work_dir / MODEL), is_ordered=not is_stills, readout=_readout(work_dir, state)
     )
     aspect = state.get("pixel_aspect")
     return Solve(
@@ -178,36 +170,6 @@ def _video_of(footage: Path, kept: VideoInfo | None) -> VideoInfo | None:
         return None
     said = kept.width, kept.height, kept.colour_space, kept.view
     return kept if said == first_frame(footage)[:4] else None
-
-
-def keep_visible(model: Path, points: Mapping[int, Ints]) -> None:
-    """Write what each frame shows besides what it tracked, points (k,) by frame number, beside a model."""
-    frame = np.repeat(list(points), [len(each) for each in points.values()])
-    np.savez_compressed(model / VISIBLE, frame=frame, point=np.concatenate(list(points.values())))
-
-
-def _with_visible(model: Path) -> Reconstruction:
-    reconstruction = read_model(model)
-    frames, points = reconstruction.frames, len(reconstruction.points)
-    try:
-        # No frame shows a point twice; each is stored as two numbers of eight bytes.
-        kept = read_arrays(model / VISIBLE, ("frame", "point"), 16 * len(frames) * points)
-        frame, point = (kept[name].astype(np.int64, casting="safe") for name in ("frame", "point"))
-        is_known = frame.ndim == 1 and frame.shape == point.shape
-    except FileNotFoundError:
-        return reconstruction
-    except (OSError, ValueError, TypeError):
-        is_known = False
-    if not is_known or not np.isin(frame, frames).all() or np.any((point < 0) | (point >= points)):
-        raise UserError(
-            f"{model / VISIBLE} is damaged: it is not of these frames and points; solve again in its place",
-            Remedy.AGAIN,
-        )
-    order = np.argsort(frame, kind="stable")
-    ends = np.searchsorted(frame[order], frames, side="right")
-    shown = np.split(point[order].astype(np.int32), ends[:-1])
-    images = [replace(image, visible=each) for image, each in zip(reconstruction.images, shown, strict=True)]
-    return replace(reconstruction, images=tuple(images))
 
 
 def recorded_clip(work_dir: Path) -> Path | None:

@@ -13,7 +13,11 @@ from ...core.camera.distortion import FAMILIES, PARAMETERS, term_names
 from ...core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 
 PREFIX = "virtual_aperture_"
-VERSION = 3
+VERSION = 4
+READABLE = 3, VERSION
+"""Versions that can be read."""
+LEFT_OUT = "visible_counts", "visible_points"
+"""Arrays of version 3 that are not read: points that frames show and did not track."""
 READOUT = PREFIX + "readout"
 IS_ORDERED = PREFIX + "is_ordered"
 ROW = "width", "height", "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"
@@ -40,8 +44,6 @@ def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
         "counts": np.array([len(i.points) for i in images], dtype=np.int32),
         "seen_points": np.concatenate([i.points for i in images]).astype(np.int32),
         "seen_xy": np.concatenate([i.xy for i in images]).ravel(),
-        "visible_counts": np.array([len(i.visible) for i in images], dtype=np.int32),
-        "visible_points": np.concatenate([i.visible for i in images]).astype(np.int32),
         "xyz": points.xyz.ravel(),
         "rgb": points.rgb.astype(np.int32).ravel(),
         "error": points.error,
@@ -49,10 +51,11 @@ def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
     mesh[PREFIX + "version"] = VERSION
     mesh[IS_ORDERED] = reconstruction.is_ordered
     mesh[READOUT] = reconstruction.readout
-    for name, array in arrays.items():
+    for name in (*arrays, *LEFT_OUT):
         # Blender 5.2 writes an array over one of another length in place, past its end.
         if PREFIX + name in mesh:
             del mesh[PREFIX + name]
+    for name, array in arrays.items():
         mesh[PREFIX + name] = np.ascontiguousarray(array)
 
 
@@ -66,7 +69,7 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     version = mesh.get(PREFIX + "version")
     if version is None:
         raise UserError(f"the mesh {mesh.name!r} holds no solve; solve the clip or import a solve of it")
-    if version != VERSION:
+    if version not in READABLE:
         raise UserError(
             f"another version of Virtual Aperture made the solve in {mesh.name!r}; update the extension, or"
             " solve the clip again"
@@ -84,9 +87,8 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     seen = np.split(integers("seen_points"), splits)
     xy = np.split(array("seen_xy").reshape(-1, 2), splits)
     cameras = integers("image_cameras")
-    visible = np.split(integers("visible_points"), np.cumsum(integers("visible_counts"))[:-1])
     images = tuple(
-        Image(int(frame), rotations[i], translations[i], xy[i], seen[i], int(cameras[i]), visible[i])
+        Image(int(frame), rotations[i], translations[i], xy[i], seen[i], int(cameras[i]))
         for i, frame in enumerate(integers("frames"))
     )
     points = Points(

@@ -224,7 +224,7 @@ def reconstruction_digest(reconstruction: Reconstruction) -> str:
         digest.update(repr(reconstruction.readout).encode())
     for image in reconstruction.images:
         digest.update(f"{image.frame} {image.camera}".encode())
-        for array in (image.rotation, image.translation, image.xy, image.points, image.visible):
+        for array in (image.rotation, image.translation, image.xy, image.points):
             digest.update(np.ascontiguousarray(array).tobytes())
     digest.update(np.ascontiguousarray(reconstruction.points.xyz).tobytes())
     return digest.hexdigest()

@@ -104,7 +104,7 @@ class Report:
     points_per_frame: list[int]
     """Least, median, most."""
     added: int
-    """Points besides those that a frame shows and did not track, median."""
+    """0: a field of version 1.0, which counted points that a frame showed and did not track."""
     reprojection_error: float | None
     """None where nothing was measured: no observation is ahead of its camera, or the file stores none."""
     focal: list[float]
@@ -157,8 +157,7 @@ class Report:
             f"frames        {self.registered} of {self.frames} registered"
             + (f"; without a camera: {ranges(self.missing)}" if self.missing else ""),
             f"points        {self.points}; per frame at least {self.points_per_frame[0]}, median"
-            f" {self.points_per_frame[1]}, at most {self.points_per_frame[2]}, and {self.added} more seen"
-            " by other frames",
+            f" {self.points_per_frame[1]}, at most {self.points_per_frame[2]}",
             f"reprojection  {missed}",
             f"focal length  {lens}{sigma}, {source[self.focal_from]}",
             *(self.lens.lines() if self.lens is not None else []),
@@ -211,8 +210,7 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     found = Report(
         len(frames), len(counts), missing, len(reconstruction.points),
         [int(counts.min()), int(np.median(counts)), int(counts.max())],
-        int(np.median([len(image.visible) for image in reconstruction.images])), error,
-        [min(focal), max(focal)], said.get("focal_sigma"),
+        0, error, [min(focal), max(focal)], said.get("focal_sigma"),
         said.get("focal_from", "file"), LensReport.of(said),
         [float(q) for q in np.percentile(angle, (25, 50, 75))] if len(angle) else None,
         _distances(reconstruction), spread, said.get("explained"), weak, list(said.get("notes", [])),

@@ -26,14 +26,14 @@ BLOCK = 1 << 14
 """Patches that are sampled at once: OpenCV takes no picture with more rows than 15 bits count."""
 
 
-def square(radius: int) -> Map:
-    """Return (3, p) of 1, u, v at the p pixels of a square patch, row by row; its middle is (0, 0)."""
-    axis = np.arange(-radius, radius + 1, dtype=np.float32)
+def _basis() -> Map:
+    """(3, p) of 1, u, v at the p pixels of a patch, row by row; its middle is (0, 0)."""
+    axis = np.arange(-RADIUS, RADIUS + 1, dtype=np.float32)
     u, v = (side.ravel() for side in np.meshgrid(axis, axis))
     return np.stack([np.ones_like(u), u, v])
 
 
-BASIS = square(RADIUS)
+BASIS = _basis()
 WEIGHT = np.exp(-(BASIS[1:] ** 2).sum(axis=0) / (2 * (0.9 * RADIUS) ** 2))
 WEIGHT = (WEIGHT / WEIGHT.sum()).astype(np.float32)
 # Chosen by inspection of clips with known motion, as in tests/sfm/test_tracks.py.
@@ -104,10 +104,10 @@ class Patches(Rows):
         if not len(rows):
             return
         at, upright = places[rows], np.tile(np.eye(2), (len(rows), 1, 1))
-        patch, spread = _normalised(sample(gray, at, upright))
+        patch, spread = _normalised(_sample(gray, at, upright))
         half = np.float32(0.5) * np.eye(2, dtype=np.float32)
         slope = np.stack(
-            [sample(gray, at + step, upright) - sample(gray, at - step, upright) for step in half], 1
+            [_sample(gray, at + step, upright) - _sample(gray, at - step, upright) for step in half], 1
         )
         slope /= spread[:, None, None]
         both = (slope[:, :, None] * BASIS).reshape(len(rows), 6, -1)
@@ -134,7 +134,7 @@ class Patches(Rows):
         at, turn = places[rows].astype(np.float64), self.map[rows]
         patch, slope, inverse = self.patch[rows], self.slope[rows], self.inverse[rows]
         for _ in range(ITERATIONS):
-            seen, _ = _normalised(sample(gray, at, turn))
+            seen, _ = _normalised(_sample(gray, at, turn))
             error = (seen - patch)[:, None] * slope @ BASIS.T
             step = np.einsum("nij,nj->ni", inverse, error.reshape(-1, 6)).astype(np.float64)
             shear = np.clip(step.reshape(-1, 2, 3)[:, :, 1:], -0.2, 0.2)
@@ -160,21 +160,21 @@ class Patches(Rows):
 
 def _unlike(gray: Map, places: NDArray[np.floating], maps: Floats, patch: Map) -> tuple[Map, Map]:
     """(n,) one minus the correlation of patches (n, p) with a picture, and its standard deviations there."""
-    seen, spread = _normalised(sample(gray, places, maps))
+    seen, spread = _normalised(_sample(gray, places, maps))
     return 1 - (seen * patch) @ WEIGHT, spread
 
 
-def sample(gray: Map, places: NDArray[np.floating], maps: Floats, basis: Map = BASIS) -> Map:
-    """Return (n, p) the patches around places (n, 2) of a picture (H, W), seen through affine maps (n, 2, 2).
+def _sample(gray: Map, places: NDArray[np.floating], maps: Floats) -> Map:
+    """(n, p) the patches around places (n, 2) of a picture (H, W), seen through affine maps (n, 2, 2).
 
-    `basis` is the `square` of one patch. Past the picture's border its last pixel goes on.
+    Past the picture's border its last pixel goes on.
     """
     rows = np.concatenate([places[:, :, None], maps], axis=2).astype(np.float32)
     seen = []
     for start in range(0, len(rows), BLOCK):
-        x, y = (rows[start : start + BLOCK, axis] @ basis for axis in (0, 1))
+        x, y = (rows[start : start + BLOCK, axis] @ BASIS for axis in (0, 1))
         seen.append(cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
-    none = np.zeros((0, basis.shape[1]), np.float32)
+    none = np.zeros((0, BASIS.shape[1]), np.float32)
     return np.asarray(seen[0] if len(seen) == 1 else np.concatenate([none, *seen]), np.float32)
 
 
