@@ -16,9 +16,10 @@ from .networks import Networks
 from .pictures import EVERY, ClipPictures
 from .salient import WHOLE, Look
 
-SURE = 0.7
+SURE, SALIENT = 0.78, 0.7
 """Intersection over union of the found subject with the carried one, below which a key frame is put half as
-far away."""
+far away, by the built-in networks and by a segmenter. With 0.7 the least frames of car and scooter by a click
+have 0.76 and 0.67 instead of 0.81 and 0.71; with 0.85 no mask is better, and a walker costs a fifth more."""
 
 
 @dataclass
@@ -65,17 +66,18 @@ class Track:
     def _next(self, way: int, keys: list[tuple[int, Cut]]) -> tuple[int, Cut]:
         """The key frame after others; one with too much change before it is put half as far away."""
         at, before = keys[-1]
+        sure = SALIENT if self.first.is_salient else SURE
         grid = (at // EVERY + 1 if way > 0 else (at - 1) // EVERY) * EVERY
         away = abs(min(max(grid, 0), len(self.pictures.frames) - 1) - at)
         if len(keys) > 1:
             last = abs(at - keys[-2][0])
-            away = min(away, 2 * last if before.sure >= SURE else last)
+            away = min(away, 2 * last if before.sure >= sure else last)
         if before.trust < UNRECOGNISED:
             away = 1
         while True:
             to = at + way * away
             found = self._salient(at, before, to) if self.first.is_salient else self._stepped(at, before, to)
-            if found.sure >= SURE or away == 1 or not before.is_seen:
+            if found.sure >= sure or away == 1 or not before.is_seen:
                 return to, found
             away //= 2
 
