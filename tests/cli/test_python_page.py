@@ -49,6 +49,7 @@ def test_the_page_names_every_function() -> None:
     assert set(names) == {*api.__all__, "register", "unregister"}
 
 
+@pytest.mark.long
 def test_the_script_of_the_page_runs_with_the_extension_installed(tmp_path: Path) -> None:
     assert len(SCRIPT.splitlines()) <= 15
     out = tmp_path / "dist"

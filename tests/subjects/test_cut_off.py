@@ -53,7 +53,7 @@ def walker(distance: float, speed: float) -> tuple[Callable[[int], Mask], Callab
     return mask, picture
 
 
-@pytest.mark.parametrize(("distance", "speed"), [(2.0, 0.0), (3.0, 0.09)])
+@pytest.mark.parametrize(("distance", "speed"), [(2.0, 0.0), pytest.param(3.0, 0.09, marks=pytest.mark.long)])
 def test_one_that_the_lower_border_cuts_off_is_nearer_than_all_that_it_hides(
     distance: float, speed: float
 ) -> None:
