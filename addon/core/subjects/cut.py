@@ -296,7 +296,7 @@ def moved_with(mask: Mask, neighbours: list[Neighbour]) -> Mask | None:
     if not neighbours:
         return None
     odds = np.mean([each.agrees * stroke_motion(each.flow, mask) for each in neighbours], axis=0)
-    return None if np.median(odds[mask]) < INLIER else touching((odds > 0) | mask, mask)
+    return None if np.median(odds[mask]) < INLIER else touching((odds > INLIER) | mask, mask)
 
 
 def carries(moved: Mask | None, figure: Mask) -> bool:
