@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -46,9 +45,6 @@ class Street:
 
     def on_canvas(self, image: Image, mask: Mask) -> Mask:
         return mask
-
-    def prefetch(self, frames: Iterable[int]) -> None:
-        """It has no pictures."""
 
     def inverse_depth(self, frame: int, left_out: object) -> Map:
         rows = np.arange(CAMERA.height) + 0.5 - CAMERA.cy

@@ -99,7 +99,6 @@ class Standing:
         points = self._by_points(subject, frames)
         masks = {frame: self._shown(subject, frame) for frame in frames}
         masks = {frame: mask for frame, mask in masks.items() if mask.any()}
-        self.static.prefetch(masks)
         static = {frame: self.static.inverse_depth(frame, self._left_out) for frame in masks}
         found = self._by_ground(subject, masks, static)
         if points and not _is_off(points, found or {}):

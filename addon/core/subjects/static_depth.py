@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -67,12 +67,6 @@ class StaticDepth:
         """Return a mask over the source frame, of any size, on that picture (h, w)."""
         return self._shown.on_canvas(image, mask)
 
-    def prefetch(self, frames: Iterable[int]) -> None:
-        """Read the pictures for `inverse_depth` of frames in the order of the clip."""
-        near = {image.frame for frame in frames for image in self._around(frame)}
-        is_kept = self.store.is_kept
-        self._sweep.prefetch([each for each in sorted(near) if not is_kept(self._entry(each).name)])
-
     def inverse_depth(self, frame: int, moving: Callable[[int], Mask]) -> Map:
         """Estimate the inverse depth of the static scene in a frame, also behind moving objects.
 
@@ -84,8 +78,10 @@ class StaticDepth:
             (h, w) in 1 / scene units.
         """
         here, _ = self.reconstruction.image_at(frame)
-        small, stack = self._sweep.pinhole(frame), []
-        for image in self._around(frame):
+        small, stack, around = self._sweep.pinhole(frame), [], self._around(frame)
+        is_kept = self.store.is_kept
+        self._sweep.prefetch([each.frame for each in around if not is_kept(self._entry(each.frame).name)])
+        for image in around:
             checkpoint()
             depth = self._depth(image.frame)
             size = depth.moving.shape[::-1]
