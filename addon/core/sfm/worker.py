@@ -49,7 +49,7 @@ SHARES = {
     "Finding how the camera turns": (0.86, 1.0),
     "Registering frames": (0.86, 0.88),
     "Adjusting": (0.88, 1.0),
-    "Looking for people": (1.0, 1.0),
+    "Looking for people": (0.88, 0.88),
 }
 """Which part of the whole each stage is, from the times of the duck and the sample clip."""
 METADATA_SIGMA = 0.1
