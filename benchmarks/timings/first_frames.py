@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import argparse
 import shutil
-import sys
-import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +20,7 @@ from addon.core.media.clip import open_footage
 
 from .. import store
 from ..coded import encode
-from .real_costs import BLUR, RealClip, opened
+from .real_costs import BLUR, RealClip, print_rows
 from .whole_runs import HEADLESS, Run
 
 CLIPS = {
@@ -76,15 +74,8 @@ def main() -> None:
     parser.add_argument("--program", type=Path, default=HEADLESS, help="addon/headless.py of a checkout")
     options = parser.parse_args()
     print(store.provenance())
-    print(HEADS, "|" + "---|" * (HEADS.count("|") - 1), sep="\n", flush=True)
-    with tempfile.TemporaryDirectory(prefix="virtual-aperture-bench-") as folder:
-        for number, name in enumerate(options.clips):
-            clip = opened(name, Path(folder) / str(number), options.program.absolute())
-            if clip is None:
-                print(f"not there: {name}", file=sys.stderr)
-                continue
-            for line in rows(clip, CLIPS[name], tuple(options.lengths)):
-                print(line, flush=True)
+    lengths = tuple(options.lengths)
+    print_rows(HEADS, options.clips, options.program, lambda name, clip: rows(clip, CLIPS[name], lengths))
 
 
 if __name__ == "__main__":

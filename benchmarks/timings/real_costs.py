@@ -15,7 +15,7 @@ import shutil
 import sys
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -187,6 +187,22 @@ def _module(file: str) -> str:
     return name.removesuffix(".py") if found else ""
 
 
+def print_rows(
+    heads: str, names: Sequence[str], program: Path, rows: Callable[[str, RealClip], Iterator[str]]
+) -> None:
+    """Print a table with the rows of each clip by its name; clips that are not there are named."""
+    print(heads, "|" + "---|" * (heads.count("|") - 1), sep="\n", flush=True)
+    with tempfile.TemporaryDirectory(prefix="virtual-aperture-bench-") as folder:
+        for number, name in enumerate(names):
+            clip = opened(name, Path(folder) / str(number), program.absolute())
+            if clip is None:
+                print(f"not there: {name}", file=sys.stderr)
+                continue
+            for line in rows(name, clip):
+                print(line, flush=True)
+            shutil.rmtree(clip.folder)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -195,16 +211,7 @@ def main() -> None:
     parser.add_argument("--program", type=Path, default=HEADLESS, help="addon/headless.py of a checkout")
     options = parser.parse_args()
     print(f"blur {BLUR:g}, {os.cpu_count()} processors, {store.provenance()}")
-    print(HEADS, "|" + "---|" * (HEADS.count("|") - 1), sep="\n", flush=True)
-    with tempfile.TemporaryDirectory(prefix="virtual-aperture-bench-") as folder:
-        for number, name in enumerate(options.clips):
-            clip = opened(name, Path(folder) / str(number), options.program.absolute())
-            if clip is None:
-                print(f"not there: {name}", file=sys.stderr)
-                continue
-            for line in rows(clip, options.profiles):
-                print(line, flush=True)
-            shutil.rmtree(clip.folder)
+    print_rows(HEADS, options.clips, options.program, lambda _, clip: rows(clip, options.profiles))
 
 
 if __name__ == "__main__":
