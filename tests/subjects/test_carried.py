@@ -14,6 +14,7 @@ import pytest
 from addon.core.base.store import Store
 from addon.core.frame.clip_context import no_picture
 from addon.core.subjects.carried import CarriedSubject
+from addon.core.subjects.cut import carries
 from addon.core.subjects.flow import change_of_size
 from addon.core.subjects.found_subjects import distinct, found_people
 from addon.core.subjects.networks import Networks
@@ -182,6 +183,18 @@ def test_motion_separates_what_colours_do_not() -> None:
 def test_motion_says_nothing_where_all_moves_alike() -> None:
     flow = np.full((HEIGHT, WIDTH, 2), 3, np.float32)
     assert np.abs(motion(flow, disc(3))).max() < 0.01
+
+
+def test_a_vehicle_carries_its_rider_and_the_ground_carries_nobody() -> None:
+    rider, vehicle, ground = (np.zeros((90, 120), np.uint8) for _ in range(3))
+    cv2.circle(rider, (60, 30), 9, 1, -1)
+    cv2.rectangle(vehicle, (40, 25), (80, 70), 1, -1)
+    for corner in (10, 110):
+        cv2.line(ground, (60, 30), (corner, 85), 1, 12)
+    assert carries((vehicle | rider) > 0, rider > 0)
+    assert not carries(vehicle > 0, vehicle > 0)
+    assert not carries((ground | rider) > 0, rider > 0)
+    assert not carries(None, rider > 0)
 
 
 def test_a_box_is_a_square_within_the_picture() -> None:
