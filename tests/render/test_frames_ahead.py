@@ -133,7 +133,7 @@ def test_an_animation_is_the_same_with_any_number_of_processes(
         bpy.context.scene.frame_start, bpy.context.scene.frame_end = 2, 13
         limits.limit_threads(threads)
         bpy.ops.render.render(animation=True)
-        assert frames_ahead._ahead is None and limits.chosen_threads() == threads
+        assert not any(frames_ahead._prepared) and limits.chosen_threads() == threads
         pictures[threads] = {path.name: path.read_bytes() for path in (tmp_path / str(threads)).iterdir()}
         assert bool(taken) == (threads > 1)
     assert len(pictures[1]) == 12

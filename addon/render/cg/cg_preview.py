@@ -38,12 +38,18 @@ class CGWanted:
     """Counted up whenever the objects change."""
 
 
+@dataclass
+class _Objects:
+    """The objects as they are."""
+
+    version: int = 0
+    written: tuple[tuple[object, ...], Path] | None = None
+    """The objects as they were written last, and the .blend with them, in the folder of `_held`."""
+
+
 _drawing = CGProcess()
-_version = 0
-_written: tuple[tuple[object, ...], Path] | None = None
-"""The objects as they were written last, and the .blend with them,"""
+_objects = _Objects()
 _held = ExitStack()
-"""in a folder that this holds."""
 _kept: OrderedDict[CGWanted, tuple[Intrinsics, CGObjects]] = OrderedDict()
 """As they were drawn last, and for which canvas."""
 
@@ -51,7 +57,7 @@ _kept: OrderedDict[CGWanted, tuple[Intrinsics, CGObjects]] = OrderedDict()
 def wanted(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> CGWanted | None:
     """Return the CG objects of a scene at its present frame; None where it has none."""
     objects = tuple((thing.session_uid, stays_sharp(thing)) for thing in cg_objects(scene, layer))
-    return CGWanted(scene.name, layer.name, clip_frame(scene), objects, _version) if objects else None
+    return CGWanted(scene.name, layer.name, clip_frame(scene), objects, _objects.version) if objects else None
 
 
 def file_of(wanted: CGWanted) -> Path:
@@ -60,19 +66,17 @@ def file_of(wanted: CGWanted) -> Path:
     Raises:
         UserError: It cannot be written.
     """
-    global _written
     of = wanted.scene, wanted.objects, wanted.version
-    if _written is None or _written[0] != of:
+    if _objects.written is None or _objects.written[0] != of:
         _forget_file()
         file = _held.enter_context(temporary_folder()) / "scene.blend"
         write_blend(file)
-        _written = of, file
-    return _written[1]
+        _objects.written = of, file
+    return _objects.written[1]
 
 
 def _forget_file() -> None:
-    global _written
-    _written = None
+    _objects.written = None
     _held.close()
 
 
@@ -107,7 +111,6 @@ def draw_preview(asked: CGWanted | None, file: Path | None) -> DrawCG | None:
 @at("depsgraph_update_post")
 def _on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Something was changed: is it anything that CG objects are made of?"""
-    global _version
     if bpy.app.background:
         # There is no window to preview in.
         return
@@ -116,11 +119,10 @@ def _on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     own += [each.data for each in own]
     changed = [update.id.original for update in depsgraph.updates]
     if any(not isinstance(each, bpy.types.Scene) and each not in own for each in changed):
-        _version += 1
+        _objects.version += 1
 
 
 def forget() -> None:
     """Draw the objects anew, as of another file."""
-    global _version
-    _version += 1
+    _objects.version += 1
     _forget_file()

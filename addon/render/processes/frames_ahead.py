@@ -131,9 +131,8 @@ class FramesAhead:
         self.held.close()
 
 
-_ahead: FramesAhead | None = None
-_is_tried = False
-"""True if the present animation was prepared."""
+_prepared: list[FramesAhead | None] = []
+"""What draws the present animation ahead, or None; empty before its first frame."""
 
 
 def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int, draw: Draw) -> DrawnFrame | None:
@@ -142,33 +141,27 @@ def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int, draw: Draw) -> 
     None where it is to be drawn here. With the animation's first frame processes begin, if its pictures have
     enough `pixels` for that.
     """
-    global _ahead, _is_tried
     try:
-        if not _is_tried:
-            _is_tried = True
+        if not _prepared:
+            _prepared.append(None)
             frames = range(frame, scene.frame_end + 1, scene.frame_step)
             # This process mostly waits, as others draw the next frames.
             count, render = jobs.fitting(pixels), scene.render
             count = min(count, render.threads) if render.threads_mode == "FIXED" else count
             if count > 1 and len(frames) >= jobs.LEAST_SHARE:
-                _ahead = FramesAhead.begin(scene, frames, count, draw)
-        return None if _ahead is None else _ahead.frame(frame)
+                _prepared[0] = FramesAhead.begin(scene, frames, count, draw)
+        return None if _prepared[0] is None else _prepared[0].frame(frame)
     except (OSError, UserError):
         # Such as a full disk: the frames can be drawn here as well.
-        _end()
+        forget()
+        _prepared.append(None)
         return None
-
-
-def _end() -> None:
-    global _ahead
-    if _ahead is not None:
-        _ahead.end()
-    _ahead = None
 
 
 @at(*RENDERS)
 def forget(*_: object) -> None:
     """End what draws ahead, and begin anew with the next animation."""
-    global _is_tried
-    _end()
-    _is_tried = False
+    for ahead in _prepared:
+        if ahead is not None:
+            ahead.end()
+    _prepared.clear()

@@ -43,7 +43,8 @@ class Search:
         return settings if waits else None
 
 
-_search: Search | None = None
+_searches: list[Search] = []
+"""The one under way, at most."""
 
 
 def focus(scene: bpy.types.Scene) -> None:
@@ -52,7 +53,6 @@ def focus(scene: bpy.types.Scene) -> None:
     Raises:
         UserError: As of `shot_of` and `nearest_subject`.
     """
-    global _search
     settings = scene.virtual_aperture
     stop()
     if not settings.marks.is_first:
@@ -62,7 +62,8 @@ def focus(scene: bpy.types.Scene) -> None:
         return
     # In another process than the preview, which goes on.
     own = ClipProcess(yields=True)
-    _search = Search(Work(partial(_found, shot_of(scene)), own), own, scene.name, _identity(settings))
+    work = Work(partial(_found, shot_of(scene)), own)
+    _searches.append(Search(work, own, scene.name, _identity(settings)))
     watch(_tick, LOOK)
 
 
@@ -73,16 +74,14 @@ def in_focus(settings: bpy.types.PropertyGroup) -> str:
 
 def words() -> str:
     """Return a line about the search that is under way; empty without one."""
-    return "" if _search is None else f"Looking for subjects {_search.work.stage}"
+    return f"Looking for subjects {_searches[0].work.stage}" if _searches else ""
 
 
 @at("load_pre")
 def stop(*_: object) -> None:
     """End the search that is under way."""
-    global _search
-    if _search is not None:
-        _search.process.end()
-    _search = None
+    while _searches:
+        _searches.pop().process.end()
 
 
 def _identity(settings: bpy.types.PropertyGroup) -> str:
@@ -111,9 +110,9 @@ def _must_wait(settings: bpy.types.PropertyGroup) -> bool:
 
 def _tick() -> float | None:
     """A timer's turn; None when the search has ended."""
-    search = _search
-    if search is None:
+    if not _searches:
         return None
+    search = _searches[0]
     settings = search.settings()
     if settings is None:
         stop()
