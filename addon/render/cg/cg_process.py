@@ -44,6 +44,8 @@ class CGProcess(CalledProcess):
     """The .blend that it was started with for a preview."""
     _scene = ""
     """Name of the scene."""
+    is_kept = False
+    """True if the scene stays unchanged between renders."""
 
     def draw(
         self, scene: str, view: View, pinhole: Intrinsics, depth: PixelDepth | None, file: Path | None = None
@@ -90,8 +92,6 @@ class CGProcess(CalledProcess):
 
 
 _process = CGProcess()
-_is_kept = False
-"""True if the scene stays unchanged between renders."""
 
 
 def draw_cg(scene: bpy.types.Scene, layer: str) -> DrawCG | None:
@@ -109,12 +109,11 @@ def kept() -> Iterator[None]:
 
     At the end the process and its files are removed.
     """
-    global _is_kept
-    before, _is_kept = _is_kept, True
+    before, _process.is_kept = _process.is_kept, True
     try:
         yield
     finally:
-        _is_kept = before
+        _process.is_kept = before
         if (left := end()) is not None:
             # A command ends without waiting for other processes.
             left.join()
@@ -123,4 +122,4 @@ def kept() -> Iterator[None]:
 @at(*RENDERS)
 def end(*_: object) -> Worker | None:
     """End the process of a render, unless it is `kept`; returns it if there is one."""
-    return None if _is_kept else _process.end()
+    return None if _process.is_kept else _process.end()

@@ -275,19 +275,18 @@ def _level(wanted: Wanted, picture: Picture | None) -> str:
     return f"{said}, finding depth" + (f" {100 * share:.0f}%" if stage else "")
 
 
-_version = -1
-_shown_at = 0.0
+_shown = [(-1, 0.0)]
+"""The version of the picture that viewports were last drawn with, and when, in seconds."""
 
 
 def _tick() -> float | None:
     """A timer's turn: viewports are drawn again when there is something new; None when all is done."""
-    global _version, _shown_at
     if not bpy.app.is_job_running("RENDER"):
         # Between two frames of an animation nothing is begun.
         PREVIEW.poll()
-    now, version = time.monotonic(), PREVIEW.version
-    if version != _version or (PREVIEW.finds_depth and now - _shown_at > TELL):
-        _version, _shown_at = version, now
+    now, (version, shown_at) = time.monotonic(), _shown[0]
+    if PREVIEW.version != version or (PREVIEW.finds_depth and now - shown_at > TELL):
+        _shown[0] = PREVIEW.version, now
         redraw.viewports("RENDERED")
     return LOOK if PREVIEW.is_busy() or PREVIEW.waits else None
 
