@@ -239,6 +239,19 @@ def test_distances_follow_size_and_ignore_a_wrong_contact() -> None:
         assert found.inverse_depth(frame) == pytest.approx(truth[frame], rel=0.02)
 
 
+def test_feet_estimated_above_the_head_do_not_count() -> None:
+    frames = tuple(range(1, 17))
+    x, y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+    cut_off = np.asarray((abs(x - 256) < 60) & (y > HEIGHT // 2))
+
+    def feet(frame: int, mask: np.ndarray) -> np.ndarray:
+        return np.array([0.5, 0.1 if frame < 6 else 1.2])
+
+    clip = ClipPictures(frames, lambda frame: texture(5, (140, 110, 100)))
+    found = SubjectDistance(clip, lambda frame: cut_off, lambda frames: dict.fromkeys(frames, 0.2), feet=feet)
+    assert found.inverse_depth(1) == pytest.approx(0.2)
+
+
 def test_kept_sizes_need_no_picture(tmp_path: Path) -> None:
     def size(clip: ClipPictures) -> list[float | None]:
         def square(frame: int) -> np.ndarray:

@@ -300,7 +300,8 @@ class SubjectDistance:
                 scale = change_of_size(flow.motion(key, after), flow.there(key, after)[1], mask, apart)
             changes.append(np.log(scale) if scale else 0.0)
         sizes = np.concatenate([[0.0], np.cumsum(changes[:-1])])
-        known = np.flatnonzero(np.isfinite(heights))
+        # Feet may be estimated above the head.
+        known = np.flatnonzero(np.array(heights) > 0)
         known = known[:: max(len(known) // HEIGHTS, 1)]
         if len(known) >= SURE_DRIFT:
             one, other = np.triu_indices(len(known), 1)
