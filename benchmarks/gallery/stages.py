@@ -115,6 +115,7 @@ class Steps:
                     self.clip.file,
                     self.folder / "work",
                     blend,
+                    self.program.segmenter or "",
                 ),
                 self.folder / "nothing_picked.log",
             )
@@ -136,11 +137,11 @@ class Steps:
         return self.folder / kind / f"{frame:04d}.png"
 
     def _lens(self) -> tuple[object, ...]:
-        return "render", self.folder / "work", "--focus-at", self.click, "--blur", BLUR
+        by = ("--segmenter", self.program.segmenter) if self.program.segmenter else ()
+        return "render", self.folder / "work", *by, "--focus-at", self.click, "--blur", BLUR
 
     def _output(self, kind: str) -> tuple[object, ...]:
-        by = ("--segmenter", self.program.segmenter) if self.program.segmenter else ()
-        return *by, "--jobs", 1, "--out", self.folder / kind / "####.png"
+        return "--jobs", 1, "--out", self.folder / kind / "####.png"
 
     def _command(self, log: Path, words: Sequence[object], first: Path | None = None) -> Ended:
         return commands.run((self.program.headless, *words), log, first)
