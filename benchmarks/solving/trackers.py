@@ -25,7 +25,7 @@ from addon.core.sfm.tracking.klt import (
     strongest_corners,
 )
 from addon.core.sfm.tracking.sift import CONTRAST, keypoints, make_sift
-from addon.core.sfm.tracking.tracks import Progress, Tracker, Tracks, Watch, match_features, run
+from addon.core.sfm.tracking.tracks import Tracker, Tracks, Watch, match_features, run
 
 RENEW = 0.9
 """Share of the points followed below which new ones are looked for: finding them is slow."""
@@ -74,10 +74,10 @@ NAMES = (*TRACKERS, "sift")
 def main(name: str, folder: str) -> None:
     """Solve into a folder by a tracker in place of the product's first."""
 
-    def track(footage: Footage, progress: Progress, watch: Watch = lambda *_: None) -> Tracks:
+    def track(footage: Footage, watch: Watch = lambda *_: None) -> Tracks:
         if name == "sift":
-            return match_features(footage, progress)
-        return run(TRACKERS[name](), footage, progress, watch)
+            return match_features(footage)
+        return run(TRACKERS[name](), footage, watch)
 
     vars(worker)["track_features"] = track
     worker.main(Path(folder))

@@ -54,7 +54,7 @@ def sift_sift(footage: Footage) -> Tracks:
 
 def ours(footage: Footage) -> Tracks:
     """The add-on's own: corners spread over the frame, followed as in `harris_klt`, held to their patches."""
-    return track_features(footage, lambda stage, done, total: None)
+    return track_features(footage)
 
 
 FRONTS: dict[str, Callable[[Footage], Tracks]] = {

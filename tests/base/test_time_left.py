@@ -12,7 +12,7 @@ from addon.core.base.messages import Progress
 from addon.core.base.time_left import Clock, TimeLeft
 from addon.core.base.worker import Worker
 from addon.core.sfm.process import SolveProgress
-from addon.core.sfm.worker import SHARES
+from addon.core.sfm.steps import SHARES
 
 
 def test_even_work_is_told_from_when_it_can_be() -> None:

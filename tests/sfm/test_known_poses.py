@@ -30,7 +30,7 @@ from .. import planes
 @pytest.fixture(scope="module")
 def tracks(tmp_path_factory: pytest.TempPathFactory) -> Tracks:
     clip = files.write_clip(tmp_path_factory.mktemp("known") / "shot")
-    return track_features(open_footage(clip), lambda *_: None)
+    return track_features(open_footage(clip))
 
 
 def renumbered(known: Reconstruction, by: int) -> Reconstruction:
@@ -145,7 +145,7 @@ def test_cameras_that_only_turn_tell_no_depth(tmp_path: Path) -> None:
         images.append(Image(number, rotation, np.zeros(3), np.zeros((0, 2)), np.zeros(0, np.int32)))
     known = replace(planes.poses(np.zeros((8, 3))), images=tuple(images))
     with pytest.raises(UserError, match="shows no depth"):
-        triangulate(known, track_features(open_footage(clip), lambda *_: None))
+        triangulate(known, track_features(open_footage(clip)))
 
 
 def _cloud(observed: bool) -> Reconstruction:
@@ -191,7 +191,7 @@ def test_a_walk_through_a_room(data: Path) -> None:
         rotation = left @ right
         images.append(Image(int(row[0]), rotation, -rotation @ matrix[:3, 3]))
     room = Reconstruction((camera,), tuple(images), NO_POINTS)
-    tracks = track_features(open_footage(data / "room" / "images"), lambda *_: None)
+    tracks = track_features(open_footage(data / "room" / "images"))
     known = triangulate(room, tracks)
     found = known.reconstruction
     assert len(found.images) == 60 and len(found.points) > 2000

@@ -19,6 +19,7 @@ from addon.core.media.clip import FrameRange, open_footage
 from addon.core.readers.colmap_export import read_model
 from addon.core.sfm import worker
 from addon.core.sfm.mapping.report import STAYS, report
+from addon.core.sfm.tracking import people_left_out
 from addon.core.sfm.tracking.people_left_out import outside, without_people
 from addon.core.sfm.tracking.tracks import Tracks
 from addon.core.subjects.networks import Networks
@@ -83,11 +84,13 @@ def test_a_track_is_judged_by_the_mask_of_each_frame() -> None:
 def test_nothing_is_left_out_without_networks_or_people(tmp_path: Path) -> None:
     clip = open_footage(planes.write_clip(tmp_path / "walk", planes.sideways(6)))
     given = tracks({0: [(10.0, 25.0)] * 6})
-    assert without_people(given, clip, lambda *_: None, Networks(tmp_path / "none")) is None
-    assert without_people(given, clip, lambda *_: None) is None
+    assert without_people(given, clip, Networks(tmp_path / "none")) is None
+    assert without_people(given, clip) is None
 
 
-def test_tracks_on_a_person_are_left_out_and_progress_is_told(tmp_path: Path) -> None:
+def test_tracks_on_a_person_are_left_out_and_progress_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     if not Networks().exist:
         pytest.skip("the networks are not in addon/networks: run tools/networks.py")
     clip = open_footage(planes.write_clip(tmp_path / "person", [figure()[..., ::-1]] * 6))
@@ -98,7 +101,8 @@ def test_tracks_on_a_person_are_left_out_and_progress_is_told(tmp_path: Path) ->
         np.tile([[160.0, 105.0], [40.0, 60.0]], (6, 1)), np.zeros((2, 3), np.uint8),
     )  # fmt: skip
     steps = list[tuple[str, int, int]]()
-    left = without_people(given, clip, lambda *step: steps.append(step))
+    monkeypatch.setattr(people_left_out, "progress", lambda *step: steps.append(step))
+    left = without_people(given, clip)
     assert left is not None and np.unique(left.track).tolist() == [1] and len(left.xy) == 6
     assert {stage for stage, _, _ in steps} == {"Looking for people"}
     assert all(0 <= done <= total == 6 for _, done, total in steps)
@@ -136,7 +140,7 @@ def test_what_stands_out_for_a_segmenter_is_left_out(
         np.tile([0, 1], 6).astype(np.int32),
         np.tile([[160.0, 120.0], [20.0, 20.0]], (6, 1)), np.zeros((2, 3), np.uint8),
     )  # fmt: skip
-    found = without_people(given, clip, lambda *_: None, Sees(probability))
+    found = without_people(given, clip, Sees(probability))
     assert (None if found is None else np.unique(found.track).tolist()) == left
 
 
@@ -159,7 +163,7 @@ def test_a_figure_that_moves_as_one_with_the_scene_is_no_person(
         np.tile(np.arange(52), 6).astype(np.int32), np.concatenate(xy) + rng.normal(0, 0.02, (312, 2)),
         np.zeros((52, 3), np.uint8),
     )  # fmt: skip
-    assert (without_people(given, clip, lambda *_: None) is not None) == alive
+    assert (without_people(given, clip) is not None) == alive
 
 
 def followed() -> list[np.ndarray]:

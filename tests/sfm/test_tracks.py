@@ -35,7 +35,7 @@ WITH_LONG = ["harris", pytest.param("sift", marks=pytest.mark.long)]
 
 
 def tracked(folder: Path, tracker: str = "harris") -> Tracks:
-    return TRACKERS[tracker](open_footage(folder), lambda *_: None)
+    return TRACKERS[tracker](open_footage(folder))
 
 
 def rgb(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -130,7 +130,7 @@ def test_where_only_large_things_stand_out_they_are_followed(tmp_path: Path) -> 
             rgb(np.clip(np.rint(picture + rng.normal(0, 1.0, picture.shape)), 0, 255).astype(np.uint8))
         )
     footage = open_footage(planes.write_clip(tmp_path / "clip", clip))
-    tracks = track_features(footage, lambda *_: None)
+    tracks = track_features(footage)
     small = run(KLTTracker(new_corners), footage)
     assert reached(tracks.in_frame(7)[1], planes.SIZE) > reached(small.in_frame(7)[1], planes.SIZE) + 0.3
     first, start = tracks.in_frame(0)
@@ -241,7 +241,7 @@ def test_keypoints_connect_frames_of_a_rolled_camera_and_not_those_of_a_cut(tmp_
     clip = shifted(2, (2.0, 0.0)) + [np.rot90(clip, 2) for clip in shifted(2, (3.0, 1.0))]
     clip += shifted(2, (2.0, 0.0), seed=9)
     footage = open_footage(planes.write_clip(tmp_path / "clip", clip))
-    assert cuts(track_features(footage, lambda *_: None)) == (2, 4)
+    assert cuts(track_features(footage)) == (2, 4)
     assert are_bridged(footage, [2]) and are_bridged(footage, [1, 2])
     assert not are_bridged(footage, [4]) and not are_bridged(footage, [2, 4])
 
@@ -421,7 +421,7 @@ def test_what_is_found_is_told_with_its_frame(tmp_path: Path) -> None:
         cv2.imwrite(str(folder / f"clip_{number:04d}.png"), picture)
     told: list[tuple[NDArray, NDArray]] = []
     footage = open_footage(folder)
-    tracks = track_features(footage, lambda *_: None, watch=lambda *seen: told.append(seen))
+    tracks = track_features(footage, watch=lambda *seen: told.append(seen))
     assert len(told) == 5
     for index, (picture, places) in enumerate(told):
         assert np.array_equal(picture, footage.read(footage.frames[index]))

@@ -61,15 +61,11 @@ def tracks_of(rotation: np.ndarray, focal: float, noise: float = 0.2, moving: fl
     )  # fmt: skip
 
 
-def silent(stage: str, done: int, total: int) -> None:
-    """No progress is shown."""
-
-
 @pytest.mark.parametrize("focal", [450.0, 800.0])
 def test_turns_and_focal_length_of_a_pan(focal: float) -> None:
     """From a lens that is taken to be 544 px long, with a fifth of the tracks moving by themselves."""
     rotation = turns(0.5)
-    made, sigma = turned(tracks_of(rotation, focal), 544.0, 0.2, silent)
+    made, sigma = turned(tracks_of(rotation, focal), 544.0, 0.2)
     assert made.focal[0] == pytest.approx(focal, rel=0.02)
     assert sigma < 0.02
     between = made.rotation @ made.rotation[0].T
@@ -83,7 +79,7 @@ def test_turns_and_focal_length_of_a_pan(focal: float) -> None:
 
 
 def test_a_still_camera_keeps_the_focal_length_that_was_assumed() -> None:
-    made, sigma = turned(tracks_of(turns(0.0), 800.0), 544.0, 0.2, silent)
+    made, sigma = turned(tracks_of(turns(0.0), 800.0), 544.0, 0.2)
     assert made.focal[0] == 544.0
     assert sigma == 0.2
 

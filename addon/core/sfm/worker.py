@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..base.calls import serve, show
 from ..base.errors import Remedy, UserError
 from ..base.file_lock import FolderLock
-from ..base.messages import Progress, send, speak
+from ..base.messages import speak
 from ..camera.focal_length import from_equivalent, is_plausible
 from ..camera.reconstruction import Reconstruction, upright
 from ..media import picture_file
@@ -36,22 +36,6 @@ from .tracking.photo_matching import Photo, find_features, match_all
 from .tracking.tracker_pictures import Watch
 from .tracking.tracks import Tracks, are_bridged, check_shape, cuts, match_features, track_features
 
-SHARES = {
-    "Tracking features": (0.0, 0.22),
-    "Finding features": (0.0, 0.22),
-    "Matching photos": (0.22, 0.75),
-    "Placing photos": (0.75, 1.0),
-    "Verifying matches": (0.22, 0.29),
-    "Comparing cameras": (0.22, 0.88),
-    "Solving cameras": (0.29, 0.45),
-    "Settling the focal length": (0.45, 0.64),
-    "Looking for a lens": (0.64, 0.86),
-    "Finding how the camera turns": (0.86, 1.0),
-    "Registering frames": (0.86, 0.88),
-    "Adjusting": (0.88, 1.0),
-    "Looking for people": (0.88, 0.88),
-}
-"""Which part of the whole each stage is, from the times of the duck and the sample clip."""
 METADATA_SIGMA = 0.1
 """Relative standard deviation of a focal length from metadata: video is cropped more than photos."""
 POINTS_FOUND = (
@@ -120,7 +104,7 @@ def _solve_photos(footage: Footage, job: dict[str, Any]) -> _Found:
     from .mapping.photo_mapping import place_photos
 
     given, first = job["lens"]["focal"], max(footage.width, footage.height)
-    photos = find_features(footage, _progress)
+    photos = find_features(footage)
 
     def focal(photo: Photo) -> float | None:
         if given:
@@ -129,8 +113,8 @@ def _solve_photos(footage: Footage, job: dict[str, Any]) -> _Found:
         return _photo_focal(footage.file(photo.frame), photo.width, photo.height)
 
     said = any(focal(photo) for photo in photos)
-    matches = match_all(photos, _progress)
-    result, is_calibrated = place_photos(photos, matches, focal, bool(given), _progress)
+    matches = match_all(photos)
+    result, is_calibrated = place_photos(photos, matches, focal, bool(given))
     there = set(result.frames.tolist())
     lost = [photo.name for photo in photos if photo.frame not in there]
     notes = [f"{len(lost)} photos could not be matched with the others: {', '.join(lost)}"] if lost else []
@@ -146,10 +130,10 @@ def _solve_photos(footage: Footage, job: dict[str, Any]) -> _Found:
 
 def _solve_clip(footage: Footage, job: dict[str, Any]) -> _Found:
     """Cameras and points of a clip."""
-    tracker, tracks = "harris", _of_scene(track_features(footage, _progress, Watch(show)), footage)
+    tracker, tracks = "harris", _of_scene(track_features(footage, Watch(show)), footage)
     if (jumps := cuts(tracks)) and (job["cameras"] or are_bridged(footage, jumps)):
         # Known cameras connect shots. A fast motion of the camera loses corners, but not keypoints.
-        tracker, tracks = "sift", _of_scene(match_features(footage, _progress), footage)
+        tracker, tracks = "sift", _of_scene(match_features(footage), footage)
     if job["cameras"] is None:
         refuse_cuts(tracks)
     found = _held(job["cameras"], tracks) if job["cameras"] else _solved(job, footage, tracks)
@@ -169,14 +153,14 @@ def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
     except UserError as error:
         refusal = error
     networks = Networks(segmenter=job["segmenter"])
-    if (still := without_people(tracks, footage, _progress, networks)) is not None:
+    if (still := without_people(tracks, footage, networks)) is not None:
         try:
             return _mapped(job, footage, still, LEFT_OUT)
         except UserError as error:
             refusal = type(error)(f"{error} ({LEFT_OUT})", *error.remedies)
     if not isinstance(refusal, StaysError):
         with contextlib.suppress(UserError):
-            return _mapped(job, footage, _of_scene(match_features(footage, _progress), footage))
+            return _mapped(job, footage, _of_scene(match_features(footage), footage))
         if ratio := _squeeze(job, footage, tracks):
             raise UserError(
                 f"{refusal}; with a pixel aspect of {ratio:g} the clip fits a static scene: the picture may"
@@ -211,7 +195,7 @@ def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, left_out: str
     has_subjects = bool(left_out) and not job["may_stay"]
     mapped = None
     try:
-        mapped = incremental_mapping.reconstruct(tracks, prior, _progress, has_subjects or job["may_stay"])
+        mapped = incremental_mapping.reconstruct(tracks, prior, has_subjects or job["may_stay"])
     except UserError:
         # A steadied or bent picture may be explained by no camera, and yet show hardly any depth; subjects
         # may leave too few features for a test.
@@ -221,7 +205,7 @@ def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, left_out: str
         if moves or not has_subjects:
             raise
     if mapped is None or (has_subjects and mapped.weak_depth is not None):
-        mapped = incremental_mapping.staying(tracks, prior, _progress)
+        mapped = incremental_mapping.staying(tracks, prior)
     result = mapped.reconstruction
     said = {
         "focal_sigma": mapped.focal_sigma,
@@ -242,7 +226,7 @@ def _held(held: Imported, tracks: Tracks) -> _Found:
     """Points before cameras that another program found."""
     said: dict[str, Any] = {"focal_from": "file", "method": held.format, "notes": list(held.notes)}
     try:
-        known = known_poses.triangulate(held.reconstruction, tracks, _progress)
+        known = known_poses.triangulate(held.reconstruction, tracks)
     except known_poses.NoDepthError:
         if not len(held.reconstruction.points):
             raise
@@ -300,11 +284,6 @@ def _end_alone(folder: Path) -> None:
             break
         time.sleep(0.05)
     os._exit(1)
-
-
-def _progress(stage: str, done: int, total: int) -> None:
-    low, high = SHARES.get(stage, (0.0, 1.0))
-    send(Progress(stage, done, total, share=low + (high - low) * done / max(total, 1)))
 
 
 def _exr(path: Path | bytes) -> NDArray[np.float32]:

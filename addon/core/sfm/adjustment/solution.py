@@ -7,7 +7,8 @@ import numpy as np
 
 from ...base.arrays import Floats, Ints, Mask
 from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from ..tracking.tracks import Progress, Tracks
+from ..steps import progress
+from ..tracking.tracks import Tracks
 
 # Chosen by inspection of solved clips.
 LARGEST_ERROR = 2.0
@@ -112,7 +113,7 @@ def closeness(error: Floats, close: float) -> float:
     return float(np.fmax(1 - (error / close) ** 2, 0).mean())
 
 
-def register_frames(solution: Solution, progress: Progress) -> None:
+def register_frames(solution: Solution) -> None:
     """Poses of the frames between the keyframes from the points they see: robust PnP, then refined."""
     tracks = solution.tracks
     missing = np.nonzero(np.isnan(solution.translation[:, 0]))[0]

@@ -12,8 +12,9 @@ from ..adjustment import solution
 from ..adjustment.bundle_adjustment import adjust
 from ..adjustment.small_motion import LOSS, LongTracks, robust_turn, rotation_only, select_observations
 from ..adjustment.solution import MIN_POINTS, MIN_VIEWS, Solution
+from ..steps import progress
 from ..tracking.degeneracy import unit_rays
-from ..tracking.tracks import Progress, Tracks
+from ..tracking.tracks import Tracks
 
 # Chosen by inspection of solved clips.
 KEYS = 60
@@ -30,14 +31,13 @@ ROUNDS = 3
 """Times that points are found again without what misses them."""
 
 
-def turned(tracks: Tracks, focal: float, known: float, progress: Progress) -> tuple[Solution, float]:
+def turned(tracks: Tracks, focal: float, known: float) -> tuple[Solution, float]:
     """Find the turns of a clip's camera.
 
     Args:
         tracks: Those of the clip.
         focal: Prior of the focal length in pixels.
         known: Its relative standard deviation, 0 to hold it.
-        progress: Called with the stage, done and all steps.
 
     Returns:
         The solve, without translation and with points at `MEDIAN_DEPTH`, and the relative standard deviation

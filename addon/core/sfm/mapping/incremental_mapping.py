@@ -27,8 +27,9 @@ from ..calibration.lens import Lens, find_lens
 from ..calibration.rotation import turned
 from ..calibration.stabilised import refuse_shifted
 from ..calibration.stationary import WEAK, DepthEvidence, depth_evidence
+from ..steps import progress
 from ..tracking.degeneracy import StaysError, check_motion, only_turns
-from ..tracking.tracks import Progress, Tracks
+from ..tracking.tracks import Tracks
 from .keyframes import START_FOCAL, adjust, keyframe_features, keyframes, map_keyframes
 from .report import EXPLAINED, STAYS
 
@@ -104,13 +105,12 @@ class Mapped:
     """The clip's lens and shutter; None without evidence, or without a search."""
 
 
-def reconstruct(tracks: Tracks, prior: FocalPrior, progress: Progress, may_stay: bool = False) -> Mapped:
+def reconstruct(tracks: Tracks, prior: FocalPrior, may_stay: bool = False) -> Mapped:
     """Return cameras and points of a clip from its tracks, normalised.
 
     Args:
         tracks: Those of the clip.
         prior: Prior of the focal length.
-        progress: Called with the stage, done and all steps.
         may_stay: True if depth is known from elsewhere: the turns of a camera that stays in its place are
             then enough.
 
@@ -120,16 +120,16 @@ def reconstruct(tracks: Tracks, prior: FocalPrior, progress: Progress, may_stay:
     try:
         parallax = check_motion(tracks)
         if not may_stay or parallax >= TOLD_PARALLAX:
-            return _moving(tracks, prior, parallax, progress)
+            return _moving(tracks, prior, parallax)
     except StaysError:
         if not may_stay:
             raise
-    return staying(tracks, prior, progress)
+    return staying(tracks, prior)
 
 
-def staying(tracks: Tracks, prior: FocalPrior, progress: Progress) -> Mapped:
+def staying(tracks: Tracks, prior: FocalPrior) -> Mapped:
     """Solve a clip by how the camera turns in its place; arguments and errors as of `reconstruct`."""
-    made, sigma = turned(tracks, prior.start(tracks), prior.known, progress)
+    made, sigma = turned(tracks, prior.start(tracks), prior.known)
     share = solution.explained(made)
     reconstruction = solution.collect(made)
     if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
@@ -137,10 +137,10 @@ def staying(tracks: Tracks, prior: FocalPrior, progress: Progress) -> Mapped:
     return Mapped(normalise(reconstruction), STAYS, sigma, sigma < prior.known, share, False, None, None)
 
 
-def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progress) -> Mapped:
+def _moving(tracks: Tracks, prior: FocalPrior, parallax: float) -> Mapped:
     """A camera that leaves its place, with a `parallax` in pixels of a 1,000-pixel frame."""
     keys = keyframes(tracks)
-    found, ratio = _Keyframes(keys, prior, parallax, progress).zoom_or_not(tracks)
+    found, ratio = _Keyframes(keys, prior, parallax).zoom_or_not(tracks)
     best, lens = found.solution, found.lens
     depth = _depth(best)
     weak, sigma = None, found.focal_sigma
@@ -150,7 +150,7 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progre
     refuse_shifted(best, keys)
     if ratio is not None:
         self_calibration.refine_zoom(best, tracks, ratio)
-    solution.register_frames(best, progress)
+    solution.register_frames(best)
     for step in range(2):
         progress("Adjusting", step, 2)
         if lens is not None:
@@ -218,7 +218,6 @@ class _Keyframes:
     prior: FocalPrior
     parallax: float
     """Pixels of a 1,000-pixel frame that no rotation explains."""
-    progress: Progress
 
     def zoom_or_not(self, tracks: Tracks) -> tuple[_Found, Floats | None]:
         """Solve the keyframes; also returns the zoom (F,), if the lens zooms."""
@@ -237,7 +236,7 @@ class _Keyframes:
         """The best solution of all methods, without its lens if the lens `bends`; or UserError."""
         found: list[_Found] = []
         for method, made in self._attempts(tracks, found):
-            self.progress("Settling the focal length", 0, 1)
+            progress("Settling the focal length", 0, 1)
             if made is not None and (judged := self._judged(made, method)) is not None:
                 found.append(judged)
             if any(each.explained >= EXPLAINED for each in found):
@@ -276,7 +275,7 @@ class _Keyframes:
 
     def _with_lens(self, found: _Found) -> _Found:
         """Remove the lens that the keyframes show from the tracks."""
-        self.progress("Looking for a lens", 0, 1)
+        progress("Looking for a lens", 0, 1)
         made = found.solution
         told = find_lens(made, self.prior.start(made.tracks), self.prior.known)
         if told is None:
@@ -304,7 +303,7 @@ class _Keyframes:
     def _by_pairs(self, tracks: Tracks, focal: float, whole: Tracks | None = None) -> Solution | None:
         """COLMAP's incremental mapping; the solution is of the tracks `whole` if these are part of them."""
         features = keyframe_features(tracks, self.keys)
-        model = map_keyframes(tracks, features, focal, self.progress)
+        model = map_keyframes(tracks, features, focal)
         if model is None or model.num_points3D() < MIN_POINTS:
             return None
         made = solution.empty(whole or tracks, focal)

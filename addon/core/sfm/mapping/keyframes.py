@@ -11,7 +11,8 @@ import pycolmap
 from ...base.arrays import Floats, Ints
 from ...base.atomic import temporary_folder
 from ..adjustment.solution import Solution, triangulate
-from ..tracking.tracks import Progress, Tracks
+from ..steps import progress
+from ..tracking.tracks import Tracks
 
 pycolmap.logging.minloglevel = 3
 # Else every process leaves a file in the folder for temporary ones. `logtostderr` alone does not last: an
@@ -63,7 +64,7 @@ def keyframe_features(tracks: Tracks, keys: list[int]) -> list[tuple[Ints, Float
 
 
 def map_keyframes(
-    tracks: Tracks, features: list[tuple[Ints, Floats]], focal: float, progress: Progress
+    tracks: Tracks, features: list[tuple[Ints, Floats]], focal: float
 ) -> pycolmap.Reconstruction | None:
     """Return the best model of the keyframes; image i + 1 is keyframe i.
 
@@ -71,7 +72,6 @@ def map_keyframes(
         tracks: Those of the clip.
         features: IDs (n,) and places (n, 2) in pixels of each keyframe.
         focal: In pixels.
-        progress: Called with the stage, done and all steps.
     """
     keys, best = len(features), None
     with temporary_folder() as folder:
@@ -80,7 +80,7 @@ def map_keyframes(
         progress("Verifying matches", 0, 1)
         verify(folder, 4.0)
         for angle in (3.0, 1.5, 0.7):
-            best = mapped(folder, mapper_options(angle), "Solving cameras", keys, progress)
+            best = mapped(folder, mapper_options(angle), "Solving cameras", keys)
             if best is not None and best.num_reg_images() >= 0.8 * keys:
                 break
     return best if best is not None and best.num_reg_images() >= 2 else None
@@ -105,7 +105,7 @@ def verify(folder: Path, largest_error: float) -> None:
 
 
 def mapped(
-    folder: Path, options: pycolmap.IncrementalPipelineOptions, stage: str, count: int, progress: Progress
+    folder: Path, options: pycolmap.IncrementalPipelineOptions, stage: str, count: int
 ) -> pycolmap.Reconstruction | None:
     """Map a verified database of `count` images; returns the model with most images and points, or None."""
     done = [2]

@@ -19,7 +19,8 @@ from ...camera.reconstruction import Image, Points, Reconstruction, seen_by
 from ...readers.matching import if_every
 from ..adjustment import solution
 from ..adjustment.solution import LARGEST_ERROR, MIN_POINTS, MIN_VIEWS, Solution
-from ..tracking.tracks import Progress, Tracks
+from ..steps import progress
+from ..tracking.tracks import Tracks
 
 # Pixels are those of a 1,000-pixel frame.
 PAIRS = 24
@@ -82,7 +83,7 @@ class Known:
     """Share of the observations of lasting tracks that agree with a point that stands still."""
 
 
-def triangulate(cameras: Reconstruction, tracks: Tracks, progress: Progress = lambda *_: None) -> Known:
+def triangulate(cameras: Reconstruction, tracks: Tracks) -> Known:
     """Find the points of a clip's tracks with known cameras.
 
     The cameras' own points are ignored.
@@ -90,7 +91,6 @@ def triangulate(cameras: Reconstruction, tracks: Tracks, progress: Progress = la
     Args:
         cameras: Cameras of the clip's frames, and maybe of others, so that a shift of frame numbers is found.
         tracks: Tracks of the clip.
-        progress: Called with the stage, done and all steps.
 
     Raises:
         UserError: The cameras belong to another clip; the message names frame numbers or a focal length that

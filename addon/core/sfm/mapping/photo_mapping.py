@@ -18,8 +18,8 @@ from ...base.atomic import temporary_folder
 from ...base.errors import UserError
 from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction, normalise
 from ..adjustment.solution import MIN_POINTS, observed, outermost_angles
+from ..steps import progress
 from ..tracking.photo_matching import Photo
-from ..tracking.tracks import Progress
 from .keyframes import START_FOCAL, mapped, mapper_options, new_camera, verify, write_database
 
 MODEL = "SIMPLE_RADIAL"
@@ -43,7 +43,6 @@ def place_photos(
     matches: dict[tuple[int, int], Ints],
     focal: Callable[[Photo], float | None],
     is_held: bool,
-    progress: Progress,
 ) -> tuple[Reconstruction, bool]:
     """Return cameras and points of photos from their matches, normalised.
 
@@ -52,7 +51,6 @@ def place_photos(
         matches: Matched features of pairs.
         focal: Returns a photo's prior focal length in pixels.
         is_held: True to hold it.
-        progress: Called with the stage, done and all steps.
 
     Returns:
         The solve, and whether its focal lengths come from the photos, not from their priors.
@@ -70,7 +68,7 @@ def place_photos(
         angles += [(angle, False) for angle in NARROW_ANGLES]
         for angle, frees in angles:
             settings = _settings(angle, frees, longest)
-            model = mapped(folder, settings, "Placing photos", len(photos), progress)
+            model = mapped(folder, settings, "Placing photos", len(photos))
             if model is None or model.num_reg_images() < 2 or model.num_points3D() < MIN_POINTS:
                 continue
             tried.append((model, frees))

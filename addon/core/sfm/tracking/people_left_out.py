@@ -11,8 +11,9 @@ from ...subjects.networks import Networks
 from ...subjects.people import SEEN_IN, bodies, face_of, people, sampled
 from ...subjects.pictures import displayed, small
 from ...subjects.segmenter import Segmenter, stands_out
+from ..steps import progress
 from .degeneracy import pairs
-from .tracks import Progress, Tracks
+from .tracks import Tracks
 
 MARGIN = 0.01
 """Width by which people are enlarged, as a share of the long side: corners on an outline move with it."""
@@ -31,15 +32,12 @@ ALIVE, WITH_FACE = 1.0, 0.5
 which on these are alive, and the same where a face is seen."""
 
 
-def without_people(
-    tracks: Tracks, footage: Footage, progress: Progress, networks: Networks | None = None
-) -> Tracks | None:
+def without_people(tracks: Tracks, footage: Footage, networks: Networks | None = None) -> Tracks | None:
     """Return the tracks that are not on people or on a segmenter's salient object, if these are subjects.
 
     Args:
         tracks: Those of the clip.
         footage: The clip.
-        progress: Called with the stage, done and all looks.
         networks: Those that recognise people, and maybe a segmenter.
 
     Returns:

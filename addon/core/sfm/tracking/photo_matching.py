@@ -18,8 +18,9 @@ from ...base.errors import UserError
 from ...media.clip import MOST_STILLS, Footage
 from ...media.light import to_gray8
 from ...media.picture_file import Pixels
+from ..steps import progress
 from .sift import Descriptors, keypoints, make_sift, matched
-from .tracks import Progress, colours_at
+from .tracks import colours_at
 
 # Chosen by inspection of solved photos.
 LONG_SIDE = 1600
@@ -48,7 +49,7 @@ class Photo:
     """(n, 3) sRGB."""
 
 
-def find_features(footage: Footage, progress: Progress) -> list[Photo]:
+def find_features(footage: Footage) -> list[Photo]:
     """Return the features of all photos.
 
     Raises:
@@ -78,7 +79,7 @@ def _features(sift: cv2.SIFT, picture: Pixels, frame: int, name: str, most: int)
     return Photo(frame, name, width, height, xy, points.descriptors, colours_at(picture, xy))
 
 
-def match_all(photos: Sequence[Photo], progress: Progress) -> dict[tuple[int, int], Ints]:
+def match_all(photos: Sequence[Photo]) -> dict[tuple[int, int], Ints]:
     """Return rows (n, 2) of the features that match in two photos, by numbers (i, j) of photos, i < j."""
     pairs = list(combinations(range(len(photos)), 2))
     found = {}

@@ -20,10 +20,10 @@ from ...base.errors import Remedy, UserError
 from ...media.clip import Footage
 from ...media.light import to_gray8, to_rgb8
 from ...media.picture_file import Pixels
+from ..steps import progress
 from .klt import TwoScales, new_corners
 from .sift import Matcher
 
-Progress = Callable[[str, int, int], None]
 Watch = Callable[[Pixels, Floats], None]
 """Called with each frame (H, W, 3 or 4) as stored and its features (n, 2), as fractions of its size."""
 # Chosen by inspection of tracks.
@@ -90,7 +90,7 @@ class Tracker(Protocol):
         """
 
 
-def track_features(footage: Footage, progress: Progress, watch: Watch = lambda *_: None) -> Tracks:
+def track_features(footage: Footage, watch: Watch = lambda *_: None) -> Tracks:
     """Follow Harris corners by optical flow through all frames of the clip.
 
     They are right in 28 of 28 solves with known truth, corners by the smaller eigenvalue in 27, SIFT
@@ -98,21 +98,20 @@ def track_features(footage: Footage, progress: Progress, watch: Watch = lambda *
 
     Args:
         footage: The clip.
-        progress: Called with the stage, done and all frames.
         watch: Called with each frame's picture and features.
 
     Raises:
         UserError: The clip has too few frames.
     """
-    return run(TwoScales(new_corners), footage, progress, watch)
+    return run(TwoScales(new_corners), footage, watch)
 
 
-def match_features(footage: Footage, progress: Progress) -> Tracks:
+def match_features(footage: Footage) -> Tracks:
     """Match SIFT keypoints between frames: it survives fast motion and finds features again after a gap.
 
     UserError where the clip has too few frames.
     """
-    return _followed(run(Matcher(), footage, progress))
+    return _followed(run(Matcher(), footage))
 
 
 def check_shape(footage: Footage) -> None:
@@ -126,9 +125,7 @@ def check_shape(footage: Footage) -> None:
         )
 
 
-def run(
-    tracker: Tracker, footage: Footage, progress: Progress = lambda *_: None, watch: Watch = lambda *_: None
-) -> Tracks:
+def run(tracker: Tracker, footage: Footage, watch: Watch = lambda *_: None) -> Tracks:
     """Run a tracker on a clip.
 
     Frames are reduced to `LONG_SIDE`; places are the source's.
@@ -136,7 +133,6 @@ def run(
     Args:
         tracker: The tracker.
         footage: The clip.
-        progress: Called with the stage, done and all frames.
         watch: Called with each frame's picture and features.
     """
     if len(footage.frames) < 4:
