@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from addon.core.sfm.adjustment.distortion import Distortion
+from addon.core.sfm.adjustment.bundle import Distortion
 
 
 def test_derivatives_agree_with_finite_differences() -> None:

@@ -20,7 +20,7 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.intrinsics import Intrinsics
 from addon.core.camera.reconstruction import rotation_matrix, rotation_vector
 from addon.core.camera.stmap import redistort_map
-from addon.core.sfm.adjustment import resection, solution
+from addon.core.sfm.adjustment import solution
 from addon.core.sfm.adjustment.solution import Solution
 from addon.core.sfm.calibration import lens
 from addon.core.sfm.calibration.lens import Found, find_lens, said
@@ -222,7 +222,7 @@ def test_frames_between_keyframes_are_placed_at_once() -> None:
     made = hand.solved(every=3)
     true, _ = hand.poses()
     kept = np.nonzero(np.isfinite(made.xyz[:, 0]))[0].astype(np.int32)
-    rotation, translation = resection.resected(made, kept)
+    rotation, translation = solution.resected(made, kept)
     assert np.isfinite(translation).all()
     turned = np.array([np.linalg.norm(rotation_vector(a @ b.T)) for a, b in zip(rotation, true, strict=True)])
     # What a gauge and a focal length that is slightly off leave, and no more between keyframes than in them.

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.arrays import Floats, Ints
-from .bundle import Bundle, Observations, cost_of
-from .distortion import SIGMA
+from .bundle import SIGMA, Bundle, Observations, cost_of
 from .normal_equations import Groups, System, normal_equations, summed
 
 STEPS = 60

@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...base.arrays import Floats, Ints
-from .bundle import Bundle, Observations, prior_cost, robust_residuals, weights
-from .distortion import SIGMA
+from .bundle import SIGMA, Bundle, Observations, prior_cost, robust_residuals, weights
 
 
 @dataclass(frozen=True)

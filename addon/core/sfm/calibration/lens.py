@@ -18,12 +18,10 @@ from ...base.arrays import Floats, Ints
 from ...camera.intrinsics import Intrinsics
 from ...camera.reconstruction import Reconstruction, turning_speeds
 from ..adjustment import solution
-from ..adjustment.bundle import Bundle, Observations
+from ..adjustment.bundle import SIGMA, Bundle, Observations, undistorted
 from ..adjustment.bundle_adjustment import Adjusted, adjust, stretched, turns
-from ..adjustment.distortion import SIGMA, undistorted
-from ..adjustment.resection import resected
 from ..adjustment.small_motion import select_observations
-from ..adjustment.solution import Solution
+from ..adjustment.solution import Solution, resected
 from ..tracking.tracks import Tracks
 from .self_calibration import UNMODELLED, as_bundle, put_back
 

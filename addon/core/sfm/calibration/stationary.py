@@ -12,9 +12,8 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ...camera.reconstruction import turning_speeds
-from ..adjustment.bundle import Bundle
+from ..adjustment.bundle import SIGMA, Bundle, undistorted
 from ..adjustment.bundle_adjustment import Adjusted, adjust
-from ..adjustment.distortion import SIGMA, undistorted
 from ..adjustment.small_motion import LOSS, LongTracks, general_motion, rotation_only
 from ..adjustment.solution import Solution
 from ..tracking.degeneracy import MIN_SHARED
