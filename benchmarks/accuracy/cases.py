@@ -203,7 +203,7 @@ class FromVideo:
         work = store.FOLDER / "solves" / f"{scene.name}-{scene.key}-{code}.aperture"
         SolveProcess(footage, work).wait()
         solve = load_solve(work)
-        self.reconstruction, self.report = solve.reconstruction, solve.report
+        self.reconstruction = solve.reconstruction
         masks = scene.matte if mattes else None
         middle = int(self.reconstruction.frames[len(self.reconstruction.frames) // 2])
         marked = [

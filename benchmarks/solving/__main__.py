@@ -232,7 +232,9 @@ def run(clip: Clip, tracker: str, focal: str, rows: Rows) -> None:
     figures = None if found is None else measure(clip.as_pinhole(found.reconstruction), clip.truth)
     quality = None if found is None else found.quality
     measured = ("depth_sigma", "reprojection_error")
-    claims = {} if found is None else found.report | {name: getattr(quality, name) for name in measured}
+    claims = (
+        {} if found is None else found.figures.as_dict() | {name: getattr(quality, name) for name in measured}
+    )
     row = Row(
         motion.name, tracker, focal, inputs, judged, verdict(motion, focal, message, figures, claims),
         message, {} if figures is None else asdict(figures), claims, *cost, store.commit(),

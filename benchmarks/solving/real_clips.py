@@ -10,6 +10,7 @@ import json
 import os
 import sys
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 
 from addon.core.sfm.workspace import load_solve
@@ -32,10 +33,12 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             work = Path(folder) / "work"
             message = solve(DATA / CLIPS[name], work, None, "harris", False)
-            report = {} if message else load_solve(work).report
+            evidence = None if message else load_solve(work).figures.depth_evidence
             advice = "" if message else load_solve(work).quality.advice
-        evidence = report.get("depth_evidence") or {}
-        rows[name] = {"outcome": message or f"solved; advice: {advice or 'none'}", **evidence}
+        rows[name] = {
+            "outcome": message or f"solved; advice: {advice or 'none'}",
+            **({} if evidence is None else asdict(evidence)),
+        }
         print(name, rows[name], flush=True)
         STORED.write_text(json.dumps(rows, indent=1, sort_keys=True) + "\n")
     (RESULTS / "real_margins.md").write_text(table(rows))

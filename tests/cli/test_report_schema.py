@@ -11,7 +11,8 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from addon.core.frame.report import FrameReport
-from addon.core.sfm.mapping.report import LensReport, Report
+from addon.core.sfm.figures import LensReport
+from addon.core.sfm.mapping.report import Report
 
 from ..command_line import done
 from .known_planes import import_planes

@@ -70,7 +70,7 @@ def test_a_known_lens_is_the_workers_focal_length_in_pixels(
     monkeypatch.setattr(Worker, "call", call)
     assert run("solve", clip, "--work", work, *focal) == 1
     (job,) = jobs
-    assert job["lens"] == {"focal": pixels and pytest.approx(pixels, rel=1e-5), "zooms": False}
+    assert job.focal == (pixels and pytest.approx(pixels, rel=1e-5)) and not job.zooms
     assert not work.exists()
 
 

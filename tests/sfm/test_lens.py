@@ -6,6 +6,7 @@ films them is written here again: COLMAP's formula, and a rotation for each plac
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import dataclass, replace
 from functools import cache
@@ -23,8 +24,9 @@ from addon.core.camera.stmap import redistort_map
 from addon.core.sfm.adjustment import solution
 from addon.core.sfm.adjustment.solution import Solution
 from addon.core.sfm.calibration import lens
-from addon.core.sfm.calibration.lens import Found, find_lens, said
+from addon.core.sfm.calibration.lens import Found, find_lens, report_of
 from addon.core.sfm.calibration.self_calibration import refine_focal_length
+from addon.core.sfm.figures import Figures
 from addon.core.sfm.mapping import report
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.tracking.tracks import Tracks
@@ -196,8 +198,10 @@ def test_the_tracks_are_those_of_a_pinhole_once_it_is_taken_out() -> None:
     assert np.isin(image.xy, tracks.xy).all()
     assert reconstruction.readout == found.lens.readout and reconstruction.cameras[0].k1 < -0.08
     # As reported, with the shutter: pinholes and lenses without it are off by more.
-    told = report.report(reconstruction, tracks.frames, said(found.lens, reconstruction.cameras[0].fx))
-    still = report.report(replace(reconstruction, readout=(0.0, 0.0)), tracks.frames, {})
+    told = report.report(
+        reconstruction, tracks.frames, Figures(lens=report_of(found.lens, reconstruction.cameras[0].fx))
+    )
+    still = report.report(replace(reconstruction, readout=(0.0, 0.0)), tracks.frames, Figures())
     assert told.reprojection_error == pytest.approx(reconstruction.points.error.mean())
     assert told.reprojection_error < 0.45 < still.reprojection_error
 
@@ -208,13 +212,17 @@ def test_the_report_says_what_was_found() -> None:
     focal = float(found.solution.focal[0])
     reconstruction = found.lens.recording(solution.collect(found.solution))
     frames = tuple(range(1, FRAMES + 1))
-    text = report.report(reconstruction, frames, said(found.lens, focal) | {"fps": 25.0}).text({})
+    # A solve keeps its figures as JSON.
+    figures = Figures(lens=report_of(found.lens, focal), fps=25.0)
+    kept = Figures.read(json.loads(json.dumps(figures.as_dict())))
+    assert kept.lens == replace(figures.lens, frame_ms=40.0) and kept.fps == 25.0
+    text = report.report(reconstruction, frames, kept).text({})
     print(text)
     assert "distortion    k1 -0." in text and "% nearer to the middle" in text
     assert "rows are read in 1" in text and " ms, from the top on" in text
-    text = report.report(reconstruction, frames, said(None, focal)).text({})
+    text = report.report(reconstruction, frames, Figures(lens=report_of(None, focal))).text({})
     assert "distortion    not found, held at 0" in text and "rolling shutter not found" in text
-    assert "distortion" not in report.report(reconstruction, frames, {}).text({})
+    assert "distortion" not in report.report(reconstruction, frames, Figures()).text({})
 
 
 def test_frames_between_keyframes_are_placed_at_once() -> None:
@@ -272,7 +280,8 @@ def test_a_real_cameras_clip_is_solved_with_its_lens_and_shutter(
     assert camera.fx == pytest.approx(planes.FOCAL, rel=0.03)
     assert camera.k1 == pytest.approx(k1, abs=0.03) and (k1 != 0 or not camera.is_distorted)
     assert solved.reconstruction.readout[1] == pytest.approx(readout, abs=0.1)
-    assert solved.report["readout"] == list(solved.reconstruction.readout)
+    assert solved.figures.lens is not None
+    assert solved.figures.lens.readout == solved.reconstruction.readout
     error = solved.reconstruction.points.error.mean()
     assert solved.quality.reprojection_error == pytest.approx(error, rel=1e-3)
     true = Intrinsics(256, 192, planes.FOCAL, planes.FOCAL, 128.0, 96.0, k1)

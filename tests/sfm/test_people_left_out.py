@@ -18,6 +18,7 @@ from addon.core.frame.first_person import nearest_subject
 from addon.core.media.clip import FrameRange, open_footage
 from addon.core.readers.colmap_export import read_model
 from addon.core.sfm import worker
+from addon.core.sfm.figures import Figures
 from addon.core.sfm.mapping.report import STAYS, report
 from addon.core.sfm.tracking import people_left_out
 from addon.core.sfm.tracking.people_left_out import outside, without_people
@@ -35,7 +36,7 @@ TOP = 80
 
 
 def tracks(xy: dict[int, list[tuple[float, float]]]) -> Tracks:
-    """Tracks in a clip of 100x50 pixels by their places in all frames."""
+    """Tracks in a clip of 100x50 pixels by their places in moving."""
     count = len(next(iter(xy.values())))
     rows = [(frame, track, places[frame]) for frame in range(count) for track, places in sorted(xy.items())]
     frame, track, place = zip(*rows, strict=True)
@@ -51,7 +52,7 @@ def test_tracks_that_are_mostly_on_masks_are_left_out_and_numbers_stay() -> None
         {0: [away] * 4, 1: [inside] * 4, 2: [inside, inside, inside, away], 3: [margin] * 4,
          4: [inside, away, away, away], 5: [(100.0, 50.0)] * 4, 6: [(0.0, 0.0)] * 4}
     )  # fmt: skip
-    # Half the size of the clip: its right half, in all frames.
+    # Half the size of the clip: its right half, in moving.
     mask = np.zeros((25, 50), bool)
     mask[:, 25:] = True
     asked = list[int]()
@@ -190,16 +191,12 @@ worker.main(Path(sys.argv[1]))
 """
 
 
-def solved_with_mask(clip: Path, folder: Path, people: str = IN_PLACE) -> dict[str, Any]:
+def solved_with_mask(clip: Path, folder: Path, people: str = IN_PLACE) -> Figures:
     """The figures of a clip in which people are where code puts them in a mask."""
     folder.mkdir()
-    job = {
-        "clip": open_footage(clip), "may_stay": False, "cameras": None, "fixed": False,
-        "segmenter": None, "lens": {"focal": None, "zooms": False},
-    }  # fmt: skip
     process = Worker()
     process.start([sys.executable, "-c", GIVEN.format(people), str(folder)])
-    call = process.call(partial(worker.solve, job, folder))
+    call = process.call(partial(worker.solve, worker.SolveJob(open_footage(clip)), folder))
     until(lambda: process.poll() is not None and call.ended)
     end([process])
     return call.result()
@@ -210,9 +207,12 @@ def test_a_clip_that_is_refused_is_solved_without_its_people(tmp_path: Path) -> 
     clip = planes.write_clip(tmp_path / "beside", followed())
     assert "the camera does not move" in refused(clip, tmp_path / "work")
 
-    report = solved_with_mask(clip, tmp_path / "solve")
-    assert report["explained"] > 0.9
-    assert "the clip's subjects were left out of the solve" in report["notes"]
+    figures = solved_with_mask(clip, tmp_path / "solve")
+    assert figures.explained is not None and figures.explained > 0.9
+    assert "the clip's subjects were left out of the solve" in figures.notes
+    names = [each.name for each in figures.attempts]
+    assert {"corners", "no subjects, moving"} <= {*names} and names[-1] == "no subjects, moving"
+    assert "does not move" in next(each.refusal for each in figures.attempts if each.name == "corners")
     found = read_model(tmp_path / "solve" / "model")
     assert len(found.images) == FRAMES and found.points.error.mean() < 0.5
     assert all((image.xy[:, 1] < TOP).all() for image in found.images)
@@ -233,11 +233,11 @@ def test_a_still_camera_is_solved_for_the_people_before_it(tmp_path: Path) -> No
     clip = planes.write_clip(tmp_path / "still", [planes.view(np.zeros(3), np.zeros(3))] * 6)
     assert "the camera does not move" in refused(clip, tmp_path / "work")
 
-    said = solved_with_mask(clip, tmp_path / "solve")
-    assert said["method"] == STAYS and said["depth_estimated"]
+    figures = solved_with_mask(clip, tmp_path / "solve")
+    assert figures.method == STAYS and figures.depth_estimated
     found = read_model(tmp_path / "solve" / "model")
     assert found.stays and len(found.images) == 6
-    told = report(found, tuple(range(1, 7)), said)
+    told = report(found, tuple(range(1, 7)), figures)
     assert told.advice.startswith("the background's distance is a guess")
     assert told.remedies == (Remedy.DEPTH_MAPS,)
 
@@ -254,8 +254,8 @@ def test_warped_pictures_with_little_parallax_are_solved_for_their_people(tmp_pa
         moved[TOP:, 140:] = np.roll(planes.pattern(180, 240 - TOP, 9), 3 * step, 0)[..., None]
         pictures.append(moved)
     clip = planes.write_clip(tmp_path / "warped", pictures)
-    said = solved_with_mask(clip, tmp_path / "solve", "mask[:, 130:] = True")
-    assert said["method"] == STAYS and said["depth_estimated"]
+    figures = solved_with_mask(clip, tmp_path / "solve", "mask[:, 130:] = True")
+    assert figures.method == STAYS and figures.depth_estimated
     assert len(read_model(tmp_path / "solve" / "model").images) == FRAMES
 
 

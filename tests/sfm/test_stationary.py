@@ -13,6 +13,7 @@ from addon.core.camera.reconstruction import rotation_matrix, rotation_vector
 from addon.core.sfm.adjustment import solution
 from addon.core.sfm.adjustment.bundle_adjustment import adjust
 from addon.core.sfm.calibration import self_calibration, stationary
+from addon.core.sfm.figures import Figures
 from addon.core.sfm.mapping.report import report
 from addon.core.sfm.tracking.tracks import Tracks
 
@@ -119,6 +120,6 @@ def test_a_plane_before_a_moving_camera_is_no_pan() -> None:
 )
 def test_a_solve_says_how_little_depth_its_clip_tells(weak: float | None, advice: str) -> None:
     model = foreign_models.world(points=60)
-    said = report(model, tuple(model.frames.tolist()), {"weak_depth": weak}).advice
+    said = report(model, tuple(model.frames.tolist()), Figures(weak_depth=weak)).advice
     assert advice in said
     assert ("depth" in said) == (weak is not None)

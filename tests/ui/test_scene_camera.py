@@ -47,7 +47,7 @@ def test_a_scenes_camera_is_used_where_it_stands(
     settings = scene.virtual_aperture
     kept = load_solve(tmp_path / "shot.aperture")
     assert kept.quality.registered == files.COUNT and len(settings.points.data.vertices) > 150
-    assert kept.report["method"] == "Blender camera"
+    assert kept.figures.method == "Blender camera"
     # Its camera is ours now, frame by frame, and the points lie before it in the same world.
     assert scene.camera == settings.camera != filmed
     assert settings.camera.data.lens == pytest.approx(filmed.data.lens, rel=1e-5)

@@ -12,8 +12,7 @@ import addon
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics, rotation_matrix
 from addon.core.media.clip import open_footage
-from addon.core.sfm.opening import Opening
-from addon.core.sfm.process import SolveProcess
+from addon.core.sfm.process import Opening, SolveProcess
 from addon.core.sfm.workspace import load_solve
 from addon.render.viewport.overlay import lines
 from addon.scene.build import build

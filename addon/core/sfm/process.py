@@ -18,13 +18,15 @@ from ..depth.placed_points import placed
 from ..depth.user_maps import open_depth
 from ..media.clip import FrameRange, open_footage
 from ..media.clip_identity import identity
+from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
+from .figures import Figures
 from .mapping.known_poses import thinned
 from .mapping.report import STAYS
 from .state import MODEL, Staging
 from .tracking.tracker_pictures import Sight
-from .worker import solve
+from .worker import SolveJob, solve
 from .workspace import is_solved
 
 END = 0.3
@@ -94,9 +96,8 @@ class SolveProcess:
         self._yields, self._segmenter = yielding, segmenter
         self._cameras = cameras
         self._job = Worker("solving process")
-        self._call: Call[dict[str, Any]] | None = None
+        self._call: Call[Figures] | None = None
         self._staging: Staging | None = None
-        self.finished = False
         self.sight: Sight | None = None
         """The tracker's last picture."""
         collect_temporary()
@@ -112,17 +113,17 @@ class SolveProcess:
         self._options["stills"] = self.clip.is_stills or None
         self._options["pixel_aspect"] = pixel_aspect or None
         self._options["fixed"] = fixed
-        if is_solved(work_dir, self.clip, self._options, again):
-            self.finished = True
+        self.finished = is_solved(work_dir, self.clip, self._options, again)
+        if self.finished:
             return
         self._staging = Staging(work_dir)
         try:
             # Somebody else may have come to the end meanwhile.
-            if is_solved(work_dir, self.clip, self._options, again):
-                self.finished = True
-                self.cancel()
-                return
-            self._launch(self._staging.folder)
+            self.finished = is_solved(work_dir, self.clip, self._options, again)
+            if self.finished:
+                self._clean()
+            else:
+                self._launch(self._staging.folder)
         except OSError as error:
             self.cancel()
             raise UserError(f"the solving process cannot be started: {error.strerror}") from None
@@ -134,20 +135,16 @@ class SolveProcess:
         held = self._cameras
         if held is not None and len(held.reconstruction.points):
             held = replace(held, reconstruction=thinned(held.reconstruction))
-        job: dict[str, Any] = {
-            "clip": self.clip,
-            "fixed": self._options["fixed"],
-            "may_stay": self._maps is not None,
-            "segmenter": self._segmenter,
-            "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
-            "cameras": held,
-        }
+        job = SolveJob(
+            self.clip, self._options.get("focal"), self._options.get("zooms", False), self._options["fixed"],
+            self._maps is not None, self._segmenter, held,
+        )  # fmt: skip
         self._job.start([*self._command(), str(folder)], None, self._yields, environment())
         self._call = self._job.call(partial(solve, job, folder))
 
     def _command(self) -> list[str]:
         """Command of the worker, without the folder that it solves into."""
-        return python_command("worker")
+        return _worker_command()
 
     def poll(self) -> list[SolveProgress]:
         """Return the events since the last call, with `finished` at the end.
@@ -186,14 +183,14 @@ class SolveProcess:
         end([self._job], END)
         self._clean()
 
-    def _keep(self, said: dict[str, Any]) -> None:
+    def _keep(self, figures: Figures) -> None:
         assert self._staging is not None
-        self._options["stills"] = said["stills"]
-        if said["method"] == STAYS and self._maps is not None:
+        self._options["stills"] = figures.stills
+        if figures.method == STAYS and self._maps is not None:
             # Its points have no distances of their own.
             model = self._staging.folder / MODEL
             write_model(model, placed(read_model(model), self._maps))
-        self._staging.keep(self.clip, self._identity, self._options, said)
+        self._staging.keep(self.clip, self._identity, self._options, figures)
         self.finished = True
 
     def _clean(self) -> None:
@@ -204,10 +201,45 @@ class SolveProcess:
             collect_temporary()
 
 
-def python_command(module: str) -> list[str]:
-    """Return the command that runs a module of this folder in Python alone; UserError without Python."""
+class Opening:
+    """A clip that is being opened in a process: a video's frames are counted, all bytes are read, in seconds.
+
+    This process remembers the result, so that the clip opens at once then.
+    """
+
+    def __init__(self, clip: Path, stills: bool) -> None:
+        """Begin to open a clip; `stills` as of `open_footage`. UserError if the process cannot be started."""
+        self._clip, self._stills = clip, stills
+        self._worker = Worker("process that opens the clip")
+        self._worker.start(_worker_command(), yielding=True, environment=environment())
+        self._call = self._worker.call(partial(opened, clip, stills))
+
+    def poll(self) -> bool:
+        """Return whether the clip is open; UserError where it cannot be opened."""
+        self._worker.poll()
+        if not self._call.ended:
+            return False
+        self.end()
+        open_footage(self._clip, info=self._call.result(), stills=self._stills).close()
+        return True
+
+    def end(self) -> None:
+        """End the process, without waiting for it; harmless after the end."""
+        self._worker.leave()
+
+
+def opened(clip: Path, stills: bool) -> VideoInfo | None:
+    """Open a clip, read all that a solve asks of it, and return a video's properties."""
+    footage = open_footage(clip, stills=stills)
+    footage.close()
+    identity(footage.path)
+    return footage.video
+
+
+def _worker_command() -> list[str]:
+    """The command of a worker in Python alone; UserError without Python."""
     # -P: a folder called "addon" in the current directory must not be taken for ours.
-    return [_python(), "-P", "-m", f"addon.core.sfm.{module}"]
+    return [_python(), "-P", "-m", "addon.core.sfm.worker"]
 
 
 def _python() -> str:

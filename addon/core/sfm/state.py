@@ -18,6 +18,7 @@ from ..base.regular_file import read_object, read_regular
 from ..media.clip import Footage
 from ..media.clip_identity import identity
 from ..media.video import video_info
+from .figures import Figures
 
 STATE = "solve.json"
 MODEL = "model"
@@ -153,16 +154,14 @@ class Staging:
             self._let_go()
             raise
 
-    def keep(
-        self, footage: Footage, clip_identity: str, options: dict[str, Any], said: dict[str, Any]
-    ) -> None:
+    def keep(self, footage: Footage, clip_identity: str, options: dict[str, Any], figures: Figures) -> None:
         """Move `model` into place, the state file last, as it makes the folder a solve.
 
         Args:
             footage: The clip.
             clip_identity: Identity of the clip before it was solved.
             options: Options that distinguish this solve from others of the clip.
-            said: Figures of the report.
+            figures: Those of the solver or reader.
 
         Raises:
             UserError: It cannot be moved; the old solve is unchanged.
@@ -186,7 +185,7 @@ class Staging:
                 "video": asdict(video_info(footage.path)) if footage.is_video else None,
                 **options,
                 "pixel_aspect": footage.pixel_aspect,
-                "report": said,
+                "report": figures.as_dict(),
                 "model": model_digests(self.folder / MODEL),
             }
             for path in (self.folder / MODEL).iterdir():

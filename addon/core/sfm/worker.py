@@ -6,9 +6,10 @@ import shutil
 import signal
 import sys
 import time
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from ..base.errors import Remedy, UserError
 from ..base.file_lock import FolderLock
 from ..base.messages import speak
 from ..camera.focal_length import from_equivalent, is_plausible
-from ..camera.reconstruction import Reconstruction, upright
+from ..camera.reconstruction import upright
 from ..media import picture_file
 from ..media.clip import Footage, open_footage
 from ..media.container import equivalent_focal
@@ -27,10 +28,9 @@ from ..media.fixed_area import fixed_area
 from ..readers.colmap_export import write_model
 from ..readers.matching import Imported
 from ..subjects.networks import Networks
-from .calibration import lens
+from .figures import LEFT_OUT, Figures, Record, Solved, table
 from .mapping import known_poses
-from .mapping.report import STAYS
-from .tracking.degeneracy import StaysError, check_motion, refuse_cuts
+from .tracking.degeneracy import StaysError, refuse_cuts
 from .tracking.people_left_out import outside, without_people
 from .tracking.photo_matching import Photo, find_features, match_all
 from .tracking.tracker_pictures import Watch
@@ -38,106 +38,104 @@ from .tracking.tracks import Tracks, are_bridged, check_shape, cuts, match_featu
 
 METADATA_SIGMA = 0.1
 """Relative standard deviation of a focal length from metadata: video is cropped more than photos."""
-POINTS_FOUND = (
-    "the cameras are used as they are, and points were tracked for them: the median error is {miss:.2f} px"
-)
-POINTS_TAKEN = (
-    "the cameras show no depth, because they hardly move: the model's own points are used, and how well"
-    " they fit the clip is unknown"
-)
-LEFT_OUT = "the clip's subjects were left out of the solve"
 SQUEEZES = (2.0, 0.5)
 """Pixel aspects that are tried on a refused clip: of anamorphic lenses, and of pictures on their side."""
 UNSQUEEZED = 0.9
 """Share of the observations from which such a trial counts: 0.985 of a clip that was squeezed by 2, which is
 refused at 1 and at 0.5 (`tests/sfm/test_squeezed.py`)."""
-ZOOMED = "the clip looks as if its lens zooms; if it does not, set the focal length"
 PATIENCE = 5.0
 """Seconds in which a process that ends has let go of all that it held."""
 
 
-def main(folder: Path) -> None:
-    """Answer calls of `solve`; the folder is removed if the parent ends."""
-    speak(lambda: _end_alone(folder))
+def main(*folder: Path) -> None:
+    """Answer calls; the folder that `solve` fills, if one is given, is removed if the parent ends."""
+    speak(*(partial(_end_alone, each) for each in folder))
     serve()
 
 
-def solve(job: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Solve a clip into a folder, in the worker process, and return the report's figures."""
+@dataclass(frozen=True)
+class SolveJob:
+    """What to solve, and how."""
+
+    clip: Footage
+    focal: float | None = None
+    """Known focal length in pixels."""
+    zooms: bool = False
+    """True if the lens zooms."""
+    fixed: bool = False
+    """True to leave out what is burnt into the clip."""
+    may_stay: bool = False
+    """True for a clip with depth maps, whose camera may stay in its place."""
+    segmenter: Path | None = None
+    """The user's own."""
+    cameras: Imported | None = None
+    """Another program's cameras, which are held."""
+
+
+def solve(job: SolveJob, folder: Path) -> Figures:
+    """Solve a clip into a folder, in the worker process, and return the solve's figures."""
     began = time.monotonic()
     # After cv2 has been imported, and with pycolmap's own handler for SIGTERM, which can hang, taken out.
     from .mapping import incremental_mapping
 
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     picture_file.exr_decoder = _exr
-    clip: Footage = job["clip"]
+    clip = job.clip
     footage = open_footage(clip.path, clip.frames, clip.video, clip.is_stills, pixel_aspect=clip.pixel_aspect)
-    is_clip = not footage.is_stills or job["cameras"] is not None
+    is_clip = not footage.is_stills or job.cameras is not None
     if is_clip:
         check_shape(footage)
-        if job["fixed"]:
+        if job.fixed:
             footage = replace(footage, fixed=fixed_area(footage.read, footage.frames))
-    found = _solve_clip(footage, job) if is_clip else _solve_photos(footage, job)
-    result, model, said = found.reconstruction, folder / "model", found.said
-    model.mkdir()
-    write_model(model, result)
-    return {
-        **said,
-        "notes": [*footage.notes, *said["notes"]],
-        "stills": footage.is_stills,
-        "fps": footage.fps,
-        "versions": incremental_mapping.versions(),
-        "seconds": round(time.monotonic() - began, 1),
-    }
+    reconstruction, figures = (_solve_clip if is_clip else _solve_photos)(footage, job)
+    (folder / "model").mkdir()
+    write_model(folder / "model", reconstruction)
+    return replace(
+        figures, notes=(*footage.notes, *figures.notes), stills=footage.is_stills, fps=footage.fps,
+        versions=incremental_mapping.versions(), seconds=round(time.monotonic() - began, 1),
+    )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Found:
-    """Cameras and points of a clip, and the report's figures."""
-
-    reconstruction: Reconstruction
-    said: dict[str, Any]
-
-
-def _solve_photos(footage: Footage, job: dict[str, Any]) -> _Found:
+def _solve_photos(footage: Footage, job: SolveJob) -> Solved:
     """Cameras and points of unordered photos."""
     from .mapping.photo_mapping import place_photos
 
-    given, first = job["lens"]["focal"], max(footage.width, footage.height)
+    given, first = job.focal, max(footage.width, footage.height)
     photos = find_features(footage)
 
     def focal(photo: Photo) -> float | None:
         if given:
             # It is the first photo's; others of its camera differ in size at most.
-            return float(given) * max(photo.width, photo.height) / first
+            return given * max(photo.width, photo.height) / first
         return _photo_focal(footage.file(photo.frame), photo.width, photo.height)
 
-    said = any(focal(photo) for photo in photos)
+    is_known = any(focal(photo) for photo in photos)
     matches = match_all(photos)
     result, is_calibrated = place_photos(photos, matches, focal, bool(given))
     there = set(result.frames.tolist())
     lost = [photo.name for photo in photos if photo.frame not in there]
-    notes = [f"{len(lost)} photos could not be matched with the others: {', '.join(lost)}"] if lost else []
-    figures = {
-        "focal_sigma": None,
-        "focal_from": _focal_source(job["lens"], said, is_calibrated),
-        "method": "stills",
-        "tracker": "sift",
-        "notes": notes,
-    }
-    return _Found(result, figures)
+    note = f"{len(lost)} photos could not be matched with the others: {', '.join(lost)}"
+    source = "clip" if is_calibrated else "given" if given else "metadata" if is_known else "guess"
+    return result, Figures("stills", source, tracker="sift", notes=(note,) * bool(lost))
 
 
-def _solve_clip(footage: Footage, job: dict[str, Any]) -> _Found:
+def _solve_clip(footage: Footage, job: SolveJob) -> Solved:
     """Cameras and points of a clip."""
+    record = Record()
     tracker, tracks = "harris", _of_scene(track_features(footage, Watch(show)), footage)
-    if (jumps := cuts(tracks)) and (job["cameras"] or are_bridged(footage, jumps)):
+    record.add("tracking")
+    if (jumps := cuts(tracks)) and (job.cameras or are_bridged(footage, jumps)):
         # Known cameras connect shots. A fast motion of the camera loses corners, but not keypoints.
         tracker, tracks = "sift", _of_scene(match_features(footage), footage)
-    if job["cameras"] is None:
-        refuse_cuts(tracks)
-    found = _held(job["cameras"], tracks) if job["cameras"] else _solved(job, footage, tracks)
-    return replace(found, said={"tracker": tracker, **found.said})
+        record.add("matching")
+    if job.cameras is not None:
+        return _held(job.cameras, tracker, tracks)
+    refuse_cuts(tracks)
+    try:
+        return _solved(job, footage, tracker, tracks, record)
+    except UserError as error:
+        error.add_note(table(record.attempts))
+        raise
 
 
 def _of_scene(tracks: Tracks, footage: Footage) -> Tracks:
@@ -146,96 +144,88 @@ def _of_scene(tracks: Tracks, footage: Footage) -> Tracks:
     return tracks if fixed is None else outside(tracks, lambda _: fixed.covered)
 
 
-def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
-    """Cameras and points of a clip; before a refusal, without its subjects, and then from SIFT keypoints."""
-    try:
-        return _mapped(job, footage, tracks)
-    except UserError as error:
-        refusal = error
-    networks = Networks(segmenter=job["segmenter"])
-    if (still := without_people(tracks, footage, networks)) is not None:
+@dataclass(frozen=True)
+class _Hypothesis:
+    """Tracks that a clip may be solved from."""
+
+    name: str
+    tracks: Tracks
+    has_subjects: bool = False
+    """As of `incremental_mapping.reconstruct`."""
+    pixel_aspect: float = 0.0
+    """If it is not 0 a solve is none, but shows why the clip was refused."""
+
+
+def _hypotheses(
+    job: SolveJob, footage: Footage, tracker: str, tracks: Tracks, refusals: list[UserError]
+) -> Iterator[_Hypothesis]:
+    """What a clip may be solved from, the cheapest first; `refusals` holds those that are shown."""
+    yield _Hypothesis("corners" if tracker == "harris" else "sift", tracks)
+    still = without_people(tracks, footage, Networks(segmenter=job.segmenter))
+    if still is not None:
+        yield _Hypothesis("no subjects", still, has_subjects=True)
+    if isinstance(refusals[-1], StaysError):
+        return
+    if tracker != "sift":
+        yield _Hypothesis("sift", _of_scene(match_features(footage), footage))
+    # A file or the user may have set the pixel aspect.
+    is_free = not footage.pixel_aspect and footage.stored_size == (footage.width, footage.height)
+    for ratio in SQUEEZES if is_free else ():
+        wide = replace(tracks, width=round(ratio * tracks.width), xy=tracks.xy * [ratio, 1.0])
+        yield _Hypothesis(f"pixel aspect {ratio:g}", wide, pixel_aspect=ratio)
+
+
+def _solved(job: SolveJob, footage: Footage, tracker: str, tracks: Tracks, record: Record) -> Solved:
+    """Cameras and points by the first hypothesis that is not refused."""
+    from .mapping.incremental_mapping import FocalPrior, reconstruct
+
+    prior = FocalPrior(job.focal, zooms=job.zooms, source="given" if job.focal else "guess")
+    if not job.focal and not job.zooms and (focal := _metadata_focal(footage)):
+        prior = FocalPrior(focal, METADATA_SIGMA, source="metadata")
+    refusals: list[UserError] = []
+    for each in _hypotheses(job, footage, tracker, tracks, refusals):
+        record.hypothesis = each.name
         try:
-            return _mapped(job, footage, still, LEFT_OUT)
+            result, figures = reconstruct(each.tracks, prior, record, job.may_stay, each.has_subjects)
         except UserError as error:
-            refusal = type(error)(f"{error} ({LEFT_OUT})", *error.remedies)
-    if not isinstance(refusal, StaysError):
-        with contextlib.suppress(UserError):
-            return _mapped(job, footage, _of_scene(match_features(footage), footage))
-        if ratio := _squeeze(job, footage, tracks):
+            record.add(refusal=str(error))
+            if each.has_subjects:
+                refusals.append(type(error)(f"{error} ({LEFT_OUT})", *error.remedies))
+            elif not refusals:
+                refusals.append(error)
+            continue
+        if not each.pixel_aspect:
+            tracker = "sift" if each.name == "sift" else tracker
+            return result, replace(figures, tracker=tracker, attempts=tuple(record.attempts))
+        if (figures.explained or 0.0) >= UNSQUEEZED:
             raise UserError(
-                f"{refusal}; with a pixel aspect of {ratio:g} the clip fits a static scene: the picture may"
-                " be squeezed",
-                *refusal.remedies,
+                f"{refusals[-1]}; with a pixel aspect of {each.pixel_aspect:g} the clip fits a static scene:"
+                " the picture may be squeezed",
+                *refusals[-1].remedies,
                 Remedy.PIXEL_ASPECT,
             )
-    raise refusal
+    raise refusals[-1]
 
 
-def _squeeze(job: dict[str, Any], footage: Footage, tracks: Tracks) -> float:
-    """The pixel aspect with which the clip is solved well, if neither file nor user has set one; else 0."""
-    if footage.pixel_aspect or footage.stored_size != (footage.width, footage.height):
-        return 0.0
-    for ratio in SQUEEZES:
-        wide = replace(tracks, width=round(ratio * tracks.width), xy=tracks.xy * [ratio, 1.0])
-        with contextlib.suppress(UserError):
-            if _mapped(job, footage, wide).said["explained"] >= UNSQUEEZED:
-                return ratio
-    return 0.0
-
-
-def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, left_out: str = "") -> _Found:
-    """Both found from tracks; `left_out` is a note on tracks of subjects that are missing."""
-    from .mapping import incremental_mapping
-
-    prior = incremental_mapping.FocalPrior(**job["lens"])
-    metadata_focal = None if prior.focal or prior.zooms else _metadata_focal(footage)
-    if metadata_focal:
-        prior = incremental_mapping.FocalPrior(metadata_focal, METADATA_SIGMA)
-    # Subjects have distances without parallax, too.
-    has_subjects = bool(left_out) and not job["may_stay"]
-    mapped = None
-    try:
-        mapped = incremental_mapping.reconstruct(tracks, prior, has_subjects or job["may_stay"])
-    except UserError:
-        # A steadied or bent picture may be explained by no camera, and yet show hardly any depth; subjects
-        # may leave too few features for a test.
-        moves = False
-        with contextlib.suppress(UserError):
-            moves = check_motion(tracks) >= incremental_mapping.DOUBTFUL_PARALLAX
-        if moves or not has_subjects:
-            raise
-    if mapped is None or (has_subjects and mapped.weak_depth is not None):
-        mapped = incremental_mapping.staying(tracks, prior)
-    result = mapped.reconstruction
-    said = {
-        "focal_sigma": mapped.focal_sigma,
-        "focal_from": _focal_source(job["lens"], metadata_focal, mapped.focal_from_clip),
-        "method": mapped.method,
-        "explained": mapped.explained,
-        "notes": [ZOOMED] * (mapped.zooms != prior.zooms) + [left_out] * bool(left_out),
-        "depth_estimated": has_subjects and mapped.method == STAYS,
-        "depth_evidence": asdict(mapped.depth_evidence) if mapped.depth_evidence else None,
-        "weak_depth": mapped.weak_depth,
-        # A zoom's lens, and that of a camera that stays, are not looked for.
-        **({} if mapped.zooms or mapped.method == STAYS else lens.said(mapped.lens, result.cameras[0].fx)),
-    }
-    return _Found(result, said)
-
-
-def _held(held: Imported, tracks: Tracks) -> _Found:
+def _held(held: Imported, tracker: str, tracks: Tracks) -> Solved:
     """Points before cameras that another program found."""
-    said: dict[str, Any] = {"focal_from": "file", "method": held.format, "notes": list(held.notes)}
     try:
         known = known_poses.triangulate(held.reconstruction, tracks)
+        found, explained = known.reconstruction, known.explained
+        note = (
+            "the cameras are used as they are, and points were tracked for them: the median error is"
+            f" {known.miss * max(tracks.width, tracks.height) / 1000:.2f} px"
+        )
     except known_poses.NoDepthError:
         if not len(held.reconstruction.points):
             raise
-        said["notes"].append(POINTS_TAKEN)
-        said["observed"] = False
-        return _Found(upright(held.reconstruction), said)
-    said["explained"] = known.explained
-    said["notes"].append(POINTS_FOUND.format(miss=known.miss * max(tracks.width, tracks.height) / 1000))
-    return _Found(known.reconstruction if held.placed else upright(known.reconstruction), said)
+        found, explained = held.reconstruction, None
+        note = (
+            "the cameras show no depth, because they hardly move: the model's own points are used, and how"
+            " well they fit the clip is unknown"
+        )
+    figures = Figures(held.format, notes=(*held.notes, note), tracker=tracker, explained=explained)
+    return found if held.placed else upright(found), replace(figures, observed=explained is not None)
 
 
 def _metadata_focal(footage: Footage) -> float | None:
@@ -265,11 +255,6 @@ def _photo_focal(file: Path, width: int, height: int) -> float | None:
     return focal if camera.has_prior_focal_length and is_plausible(focal, width, height) else None
 
 
-def _focal_source(lens: dict[str, Any], metadata_focal: float | bool | None, from_clip: bool) -> str:
-    """As `solve_report.Report.focal_from`."""
-    return "clip" if from_clip else "given" if lens["focal"] else "metadata" if metadata_focal else "guess"
-
-
 def _end_alone(folder: Path) -> None:
     """Remove the unfinished solve and end: the parent process is gone."""
     # The solve goes on beside us and may put a file into a folder that is being emptied.
@@ -297,4 +282,4 @@ def _exr(path: Path | bytes) -> NDArray[np.float32]:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(*map(Path, sys.argv[1:]))

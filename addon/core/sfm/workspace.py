@@ -21,6 +21,7 @@ from ..media.video import first_frame
 from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
+from .figures import Figures
 from .mapping.report import Report, report
 from .state import (
     MODEL,
@@ -42,7 +43,8 @@ class Solve:
     footage: Path
     frames: tuple[int, ...]
     reconstruction: Reconstruction
-    report: dict[str, Any]
+    figures: Figures
+    """Those of the solver or reader."""
     video: VideoInfo | None = None
     """Properties of the clip; None if it is not a video."""
     is_stills: bool = False
@@ -61,13 +63,7 @@ class Solve:
     @cached_property
     def quality(self) -> Report:
         """The numbers and the advice."""
-        try:
-            return report(self.reconstruction, self.frames, self.report)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise UserError(
-                f"the report in {self.work_dir / STATE} is damaged ({error}); solve again in its place",
-                Remedy.AGAIN,
-            ) from error
+        return report(self.reconstruction, self.frames, self.figures)
 
     @property
     def summary(self) -> str:
@@ -123,30 +119,24 @@ def load_solve(work_dir: Path, clip: Path | None = None) -> Solve:
     frames = tuple(state["frames"])
     video = _video_of(footage, VideoInfo.parse(state.get("video")))
     is_stills = state.get("stills") is True
-    reconstruction = replace(
-        read_model(work_dir / MODEL), is_ordered=not is_stills, readout=_readout(work_dir, state)
-    )
+    figures = _figures(work_dir, state)
+    readout = figures.lens.readout if figures.lens is not None else (0.0, 0.0)
+    reconstruction = replace(read_model(work_dir / MODEL), is_ordered=not is_stills, readout=readout)
     aspect = state.get("pixel_aspect")
     return Solve(
-        work_dir, footage, frames, reconstruction, state["report"], video, is_stills,
+        work_dir, footage, frames, reconstruction, figures, video, is_stills,
         float(aspect) if isinstance(aspect, int | float) else 0.0,
     )  # fmt: skip
 
 
-def _readout(work_dir: Path, state: dict[str, Any]) -> tuple[float, float]:
-    """As `Reconstruction.readout`, of a state; UserError where it is no time within a frame."""
-    said = state["report"].get("readout", [0.0, 0.0])
+def _figures(work_dir: Path, state: dict[str, Any]) -> Figures:
+    """Those of a state; UserError where they are damaged."""
     try:
-        across, down = (float(each) for each in said)
-    except (TypeError, ValueError):
-        across = down = float("nan")
-    if not max(abs(across), abs(down)) <= 1:
+        return Figures.read(state["report"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise UserError(
-            f"the readout in {work_dir / STATE} is {said}, not two shares of a frame; solve again in its"
-            " place",
-            Remedy.AGAIN,
-        )
-    return across, down
+            f"the report in {work_dir / STATE} is damaged ({error}); solve again in its place", Remedy.AGAIN
+        ) from error
 
 
 def _clip_of(work_dir: Path, state: dict[str, Any], clip: Path | None) -> Path:
@@ -243,9 +233,8 @@ def keep_import(found: Imported, footage: Footage, work_dir: Path, again: bool =
         model = staging.folder / MODEL
         model.mkdir()
         write_model(model, reconstruction)
-        notes = [*footage.notes, *found.notes]
-        said = {"focal_from": "file", "method": found.format, "notes": notes, "observed": not found.projected}
-        staging.keep(footage, clip_identity, options, said)
+        figures = Figures(found.format, notes=(*footage.notes, *found.notes), observed=not found.projected)
+        staging.keep(footage, clip_identity, options, figures)
     finally:
         staging.discard()
 

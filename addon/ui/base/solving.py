@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar
 
-from ...core.sfm.opening import Opening
-from ...core.sfm.process import SolveProcess, SolveProgress
+from ...core.sfm.process import Opening, SolveProcess, SolveProgress
 from ...core.sfm.tracking.tracker_pictures import Sight
 
 

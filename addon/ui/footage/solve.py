@@ -12,8 +12,7 @@ from ...core.base.errors import UserError, with_words
 from ...core.media.clip import Footage
 from ...core.media.sequence import is_pattern
 from ...core.readers.matching import Imported
-from ...core.sfm.opening import Opening
-from ...core.sfm.process import SolveProcess
+from ...core.sfm.process import Opening, SolveProcess
 from ...core.sfm.state import STATE
 from ...core.sfm.workspace import Solve, load_solve
 from ...render.viewport import viewport
@@ -72,7 +71,7 @@ def kept_words(folder: Path) -> str:
     try:
         solve = load_solve(folder)
         quality = solve.quality
-        kind = solve.report["method"] if quality.focal_from == "file" else "Solve"
+        kind = solve.figures.method if quality.focal_from == "file" else "Solve"
     except UserError:
         # Its clip is gone, or it is damaged.
         return f"Solve of {made}"

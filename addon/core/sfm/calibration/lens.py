@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from ..adjustment.bundle import SIGMA, Bundle, Observations, undistorted
 from ..adjustment.bundle_adjustment import Adjusted, adjust, stretched, turns
 from ..adjustment.small_motion import select_observations
 from ..adjustment.solution import Solution, resected
+from ..figures import LensReport
 from ..tracking.tracks import Tracks
 from .self_calibration import UNMODELLED, as_bundle, put_back
 
@@ -138,21 +138,15 @@ class Lens:
         made.tracks = self.straightened(made.focal, speed)
 
 
-def said(lens: Lens | None, focal: float) -> dict[str, Any]:
-    """Return the figures of a lens for a solve's report, at a focal length in pixels."""
+def report_of(lens: Lens | None, focal: float) -> LensReport:
+    """Return the report on a lens at a focal length in pixels; None is a search without a result."""
     if lens is None:
-        return {"readout": [0.0, 0.0], "readout_sigma": [0.0, 0.0], "distortion": None}
-    bends = bool(lens.parameters[[K1, K2]].any())
-    distortion = {
-        "terms": list(lens.terms(lens.parameters, focal)),
-        "sigma": list(lens.terms(lens.sigma, focal)),
-        "corner": lens.corner,
-    }
-    return {
-        "readout": list(lens.readout),
-        "readout_sigma": lens.sigma[[ACROSS, DOWN]].tolist(),
-        "distortion": distortion if bends else None,
-    }
+        return LensReport()
+    sigma = float(lens.sigma[ACROSS]), float(lens.sigma[DOWN])
+    if not lens.parameters[[K1, K2]].any():
+        return LensReport(readout=lens.readout, readout_sigma=sigma)
+    terms, terms_sigma = (lens.terms(each, focal) for each in (lens.parameters, lens.sigma))
+    return LensReport(terms, terms_sigma, lens.corner, lens.readout, sigma)
 
 
 @dataclass(frozen=True)

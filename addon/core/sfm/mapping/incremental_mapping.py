@@ -10,7 +10,7 @@ keyframes.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
 import cv2
@@ -23,10 +23,11 @@ from ...camera.reconstruction import Reconstruction, normalise
 from ..adjustment import small_motion, solution
 from ..adjustment.solution import MIN_POINTS, Solution
 from ..calibration import self_calibration
-from ..calibration.lens import Lens, find_lens
+from ..calibration.lens import Lens, find_lens, report_of
 from ..calibration.rotation import turned
 from ..calibration.stabilised import refuse_shifted
 from ..calibration.stationary import WEAK, DepthEvidence, depth_evidence
+from ..figures import LEFT_OUT, Figures, Record, Solved
 from ..steps import progress
 from ..tracking.degeneracy import StaysError, check_motion, only_turns
 from ..tracking.tracks import Tracks
@@ -44,6 +45,8 @@ class FocalPrior:
     """Relative standard deviation of `focal`; 0 holds it."""
     zooms: bool = False
     """True if the focal length changes over the clip."""
+    source: str = "guess"
+    """Where it is from, as `Report.focal_from`."""
 
     @property
     def known(self) -> float:
@@ -80,67 +83,62 @@ MIN_GROWTH = 1.05
 """Ratio of the picture's scales over a clip below which it is not tested whether the lens zooms."""
 MIN_ZOOM_GAIN = 1.1
 """Factor by which the score of a zoom that nobody announced must exceed that of one focal length."""
+ZOOMED = "the clip looks as if its lens zooms; if it does not, set the focal length"
+AT_ONCE = "at once"
+"""A start without pairs of pictures."""
 
 
-@dataclass(frozen=True)
-class Mapped:
-    """A reconstruction and its report's figures."""
-
-    reconstruction: Reconstruction
-    method: str
-    """"pairs", "at once" or `STAYS`."""
-    focal_sigma: float
-    """Relative standard deviation of the focal length, what was known before included."""
-    focal_from_clip: bool
-    """True if the clip determines the focal length better than the prior."""
-    explained: float
-    """Share of the observations of lasting tracks that agree with a point that stands still."""
-    zooms: bool
-    """Solved with a focal length a frame."""
-    depth_evidence: DepthEvidence | None
-    """Depth of the clip; None if too few tracks could be compared."""
-    weak_depth: float | None
-    """Relative uncertainty of depth over its range where the clip has hardly any; else None."""
-    lens: Lens | None = None
-    """The clip's lens and shutter; None without evidence, or without a search."""
-
-
-def reconstruct(tracks: Tracks, prior: FocalPrior, may_stay: bool = False) -> Mapped:
-    """Return cameras and points of a clip from its tracks, normalised.
+def reconstruct(
+    tracks: Tracks, prior: FocalPrior, record: Record, may_stay: bool, has_subjects: bool
+) -> Solved:
+    """Return cameras and points of a clip from its tracks, normalised, and their figures.
 
     Args:
         tracks: Those of the clip.
         prior: Prior of the focal length.
+        record: Takes the attempts.
         may_stay: True if depth is known from elsewhere: the turns of a camera that stays in its place are
             then enough.
+        has_subjects: True if the clip's subjects were left out. They have distances without parallax, too.
 
     Raises:
         UserError: The clip has no solution; the message has the reason.
     """
+    estimates, notes, parallax = has_subjects and not may_stay, (LEFT_OUT,) * has_subjects, 0.0
     try:
         parallax = check_motion(tracks)
-        if not may_stay or parallax >= TOLD_PARALLAX:
-            return _moving(tracks, prior, parallax)
-    except StaysError:
-        if not may_stay:
+        if parallax >= TOLD_PARALLAX or not (may_stay or has_subjects):
+            result, figures = _moving(tracks, prior, parallax, record)
+            record.add("moving", explained=figures.explained)
+            if figures.weak_depth is None or not estimates:
+                return result, replace(figures, notes=(*figures.notes, *notes))
+    except UserError as error:
+        # A steadied or bent picture may be explained by no camera, and yet show hardly any depth; subjects
+        # may leave too few features for a test.
+        stays = isinstance(error, StaysError) and (may_stay or has_subjects)
+        if not stays and not (estimates and parallax < DOUBTFUL_PARALLAX):
             raise
-    return staying(tracks, prior)
-
-
-def staying(tracks: Tracks, prior: FocalPrior) -> Mapped:
-    """Solve a clip by how the camera turns in its place; arguments and errors as of `reconstruct`."""
+        record.add("moving", refusal=str(error))
     made, sigma = turned(tracks, prior.start(tracks), prior.known)
-    share = solution.explained(made)
-    reconstruction = solution.collect(made)
-    if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
-        raise UserError("too little of this clip is static; choose another range of frames")
-    return Mapped(normalise(reconstruction), STAYS, sigma, sigma < prior.known, share, False, None, None)
+    share, source = solution.explained(made), "clip" if sigma < prior.known else prior.source
+    result = _collected(made, "too little of this clip is static; choose another range of frames")
+    record.add("staying", explained=share)
+    figures = Figures(STAYS, source, sigma, explained=share, notes=notes, depth_estimated=estimates)
+    return normalise(result), figures
 
 
-def _moving(tracks: Tracks, prior: FocalPrior, parallax: float) -> Mapped:
+def _collected(made: Solution, refusal: str) -> Reconstruction:
+    """The cameras and points of a solution; UserError, which is `refusal`, for too few."""
+    result = solution.collect(made)
+    if len(result.images) < 2 or len(result.points) < MIN_POINTS:
+        raise UserError(refusal)
+    return result
+
+
+def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, record: Record) -> Solved:
     """A camera that leaves its place, with a `parallax` in pixels of a 1,000-pixel frame."""
     keys = keyframes(tracks)
-    found, ratio = _Keyframes(keys, prior, parallax).zoom_or_not(tracks)
+    found, ratio = _Keyframes(keys, prior, parallax, record).zoom_or_not(tracks)
     best, lens = found.solution, found.lens
     depth = _depth(best)
     weak, sigma = None, found.focal_sigma
@@ -168,13 +166,13 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float) -> Mapped:
             " of frames, or solve the clip as it was filmed",
             Remedy.FRAMES,
         )
-    reconstruction = solution.collect(best)
-    if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
-        raise UserError("too few points could be placed in 3D; film with more sideways movement")
-    from_clip = found.focal_sigma < prior.known / 2**0.5
-    return Mapped(
-        normalise(reconstruction if lens is None else lens.recording(reconstruction)), found.method, sigma,
-        from_clip, explained, ratio is not None, depth, weak, lens,
+    result = _collected(best, "too few points could be placed in 3D; film with more sideways movement")
+    result = normalise(result if lens is None else lens.recording(result))
+    source = "clip" if found.focal_sigma < prior.known / 2**0.5 else prior.source
+    return result, Figures(
+        AT_ONCE if found.start == AT_ONCE else "pairs", source, sigma, explained=explained,
+        notes=(ZOOMED,) * (ratio is not None and not prior.zooms), depth_evidence=depth, weak_depth=weak,
+        lens=report_of(lens, result.cameras[0].fx) if ratio is None else None,
     )  # fmt: skip
 
 
@@ -196,10 +194,10 @@ def versions() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class _Found:
-    """A solution of the keyframes by one method."""
+    """A solution of the keyframes from one start."""
 
     solution: Solution
-    method: str
+    start: str
     focal_sigma: float
     explained: float
     """Share of the keyframes registered times the share of their observations that take part."""
@@ -218,31 +216,32 @@ class _Keyframes:
     prior: FocalPrior
     parallax: float
     """Pixels of a 1,000-pixel frame that no rotation explains."""
+    record: Record
 
     def zoom_or_not(self, tracks: Tracks) -> tuple[_Found, Floats | None]:
         """Solve the keyframes; also returns the zoom (F,), if the lens zooms."""
-        found = None if self.prior.zooms else self._solution(tracks)
-        if found is not None and (self.prior.known == 0 or found.explained >= EXPLAINED):
-            return found, None
-        ratio = self_calibration.zoom_ratios(tracks)
-        if found is not None and ratio.max() < MIN_GROWTH * ratio.min():
-            return found, None
-        other = self._solution(self_calibration.zoomed(tracks, ratio), bends=False)
-        if found is not None and other.score < MIN_ZOOM_GAIN * found.score:
-            return found, None
-        return other, ratio
+        found = None if self.prior.zooms else self._best(tracks)
+        if found is None or (self.prior.known > 0 and found.explained < EXPLAINED):
+            ratio = self_calibration.zoom_ratios(tracks)
+            if found is None or ratio.max() >= MIN_GROWTH * ratio.min():
+                other = self._best(self_calibration.zoomed(tracks, ratio), "zoom")
+                if found is None or other.score >= MIN_ZOOM_GAIN * found.score:
+                    return other, ratio
+        assert found is not None
+        return found, None
 
-    def _solution(self, tracks: Tracks, bends: bool = True) -> _Found:
-        """The best solution of all methods, without its lens if the lens `bends`; or UserError."""
+    def _best(self, tracks: Tracks, *zoom: str) -> _Found:
+        """The best of all starts, without its lens if no `zoom` was removed from the tracks; or UserError."""
         found: list[_Found] = []
-        for method, made in self._attempts(tracks, found):
+        for start, made in self._starts(tracks, found):
             progress("Settling the focal length", 0, 1)
-            if made is not None and (judged := self._judged(made, method)) is not None:
-                found.append(judged)
-            if any(each.explained >= EXPLAINED for each in found):
+            judged = None if made is None else self._judged(made, start)
+            self._note(judged, *zoom, start)
+            found += [judged] if judged is not None else []
+            if found and found[-1].explained >= EXPLAINED:
                 break
         best = max(found, key=lambda each: each.score, default=None)
-        if best is not None and bends:
+        if best is not None and not zoom:
             best = self._with_lens(best)
         # Distortion may be taken for depth, a different one in each half.
         if self.parallax < DOUBTFUL_PARALLAX and (
@@ -259,46 +258,52 @@ class _Keyframes:
             )
         return best
 
-    def _attempts(self, tracks: Tracks, found: list[_Found]) -> Iterator[tuple[str, Solution | None]]:
-        """Methods and their solutions, the cheapest first; `found` holds those before that were good."""
+    def _starts(self, tracks: Tracks, found: list[_Found]) -> Iterator[tuple[str, Solution | None]]:
+        """Starts and their solutions, the cheapest first; `found` holds those before that were good."""
         start = self.prior.start(tracks)
         if self.parallax >= MIN_PARALLAX:
             yield "pairs", self._by_pairs(tracks, start)
             if found and found[0].explained > MIN_FOLLOWED:
                 # It may have followed a moving object: its tracks are removed, and the rest tried.
                 rest = np.isnan(found[0].solution.xyz[tracks.track, 0])
-                yield "pairs", self._by_pairs(tracks.only(rest), start, tracks)
+                yield "rest of the pairs", self._by_pairs(tracks.only(rest), start, tracks)
                 if self.prior.known > 0:
                     # Or it began with too short a lens and holds a flat background for all there is.
-                    yield "pairs", self._by_pairs(tracks, LONGER_FOCAL * start)
-        yield "at once", self._at_once(tracks, start)
+                    yield "longer focal length", self._by_pairs(tracks, LONGER_FOCAL * start)
+        yield AT_ONCE, self._at_once(tracks, start)
+
+    def _note(self, found: _Found | None, *step: str) -> None:
+        """Put a step into the record."""
+        explained, score = (None, None) if found is None else (found.explained, found.score)
+        self.record.add(*step, explained=explained, score=score, refusal="no cameras" * (found is None))
 
     def _with_lens(self, found: _Found) -> _Found:
         """Remove the lens that the keyframes show from the tracks."""
         progress("Looking for a lens", 0, 1)
         made = found.solution
         told = find_lens(made, self.prior.start(made.tracks), self.prior.known)
-        if told is None:
-            return found
-        return self._explained(told.solution, found.method, told.focal_sigma, told.lens)
+        if told is not None:
+            found = self._explained(told.solution, found.start, told.focal_sigma, told.lens)
+        self._note(found, "no lens" if told is None else "lens")
+        return found
 
-    def _explained(self, made: Solution, method: str, sigma: float, lens: Lens | None = None) -> _Found:
+    def _explained(self, made: Solution, start: str, sigma: float, lens: Lens | None = None) -> _Found:
         """A solution with its share of the observations."""
         posed = float(np.isfinite(made.translation[self.keys, 0]).mean())
         explained = solution.explained(made) * posed
-        return _Found(made, method, sigma, explained, solution.score(made, self.keys), lens)
+        return _Found(made, start, sigma, explained, solution.score(made, self.keys), lens)
 
-    def _judged(self, made: Solution, method: str) -> _Found | None:
+    def _judged(self, made: Solution, start: str) -> _Found | None:
         """A solution with its focal length refined, and its explained share; None without good points."""
         solution.triangulate(made)
         solution.drop_bad(made)
         if np.count_nonzero(np.isfinite(made.xyz[:, 0])) < MIN_POINTS:
             return None
-        start, known = self.prior.start(made.tracks), self.prior.known
-        sigma = self_calibration.refine_focal_length(made, start, known)
+        focal, known = self.prior.start(made.tracks), self.prior.known
+        sigma = self_calibration.refine_focal_length(made, focal, known)
         solution.triangulate(made)
         solution.drop_bad(made)
-        return self._explained(made, method, sigma)
+        return self._explained(made, start, sigma)
 
     def _by_pairs(self, tracks: Tracks, focal: float, whole: Tracks | None = None) -> Solution | None:
         """COLMAP's incremental mapping; the solution is of the tracks `whole` if these are part of them."""

@@ -12,6 +12,7 @@ from ...base.errors import Remedy, Words, with_words
 from ...camera.reconstruction import Reconstruction
 from ...media.clip import describe
 from ..adjustment.solution import mean_errors, observed, outermost_angles
+from ..figures import Figures, LensReport
 
 STAYS = "turning"
 """The method of a solve whose camera stays in its place: depth is that of maps, or estimated."""
@@ -34,62 +35,6 @@ WRONG_ERROR, WRONG_SHARE = 4.0, 0.005
 """Mean reprojection error, in pixels and in long sides, above both of which a model does not belong to these
 frames: COLMAP drops observations from 4 pixels on, and half a per cent is the limit for large pictures.
 Chosen by inspection."""
-
-
-@dataclass(frozen=True)
-class LensReport:
-    """The lens and shutter of a solve that searched for them; held terms are 0."""
-
-    distortion: list[float]
-    """k1 and k2 of COLMAP's RADIAL and OpenCV's model."""
-    distortion_sigma: list[float]
-    """Their standard deviations."""
-    corner: float
-    """Share by which the picture's corner is farther from its middle than a pinhole shows it."""
-    readout: list[float]
-    """As `Reconstruction.readout`."""
-    readout_sigma: list[float]
-    """Their standard deviations."""
-    frame_ms: float | None
-    """Milliseconds from a frame to the next; None if the clip has no rate."""
-
-    @classmethod
-    def of(cls, said: dict[str, Any]) -> LensReport | None:
-        """Read the lens of a solver's report; None if it did not search for one."""
-        if "readout" not in said:
-            return None
-        found = said.get("distortion") or {"terms": [0.0, 0.0], "sigma": [0.0, 0.0], "corner": 0.0}
-        fps = said.get("fps")
-        return cls(
-            found["terms"], found["sigma"], found["corner"], said["readout"], said["readout_sigma"],
-            1000 / fps if fps else None,
-        )  # fmt: skip
-
-    def lines(self) -> list[str]:
-        """Return lines for users."""
-        return [f"distortion    {self._bends()}", f"shutter       {self._reads()}"]
-
-    def _bends(self) -> str:
-        if not any(self.distortion):
-            return "not found, held at 0"
-        terms = ", ".join(
-            f"{name} {value:.4f} ±{sigma:.4f}" if value else f"{name} 0"
-            for name, value, sigma in zip(("k1", "k2"), self.distortion, self.distortion_sigma, strict=True)
-        )
-        where = "nearer to" if self.corner < 0 else "farther from"
-        return f"{terms}: the corner is {100 * abs(self.corner):.1f}% {where} the middle than a pinhole's"
-
-    def _reads(self) -> str:
-        if not any(self.readout):
-            return "rolling shutter not found"
-        axis = int(np.argmax(np.abs(self.readout)))
-        share, sigma = self.readout[axis], self.readout_sigma[axis]
-        first = ("left", "top")[axis] if share > 0 else ("right", "bottom")[axis]
-        unit, called = (self.frame_ms, "ms") if self.frame_ms else (100.0, "% of a frame's time")
-        return (
-            f"{('columns', 'rows')[axis]} are read in {unit * abs(share):.1f} ±{unit * sigma:.1f} {called},"
-            f" from the {first} on"
-        )
 
 
 @dataclass(frozen=True)
@@ -180,13 +125,13 @@ class Report:
         return f"{quartiles} degrees (quartiles of the points); depth {unsure}"
 
 
-def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[str, Any]) -> Report:
+def report(reconstruction: Reconstruction, frames: tuple[int, ...], figures: Figures) -> Report:
     """Return the report on a reconstruction.
 
     Args:
         reconstruction: The reconstruction.
         frames: Frames of the clip.
-        said: Figures of the solver or reader.
+        figures: Those of the solver or reader.
     """
     counts = np.array([len(image.points) for image in reconstruction.images])
     seen = set(reconstruction.frames.tolist())
@@ -196,27 +141,26 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     angle = outermost_angles(rays, point, len(reconstruction.points))
     angle = angle[(reconstruction.views_per_point >= 2) & np.isfinite(angle)]
     errors = mean_errors(point, missed, len(reconstruction.points))
-    is_measured = said.get("observed", True) and np.isfinite(errors).any()
+    is_measured = figures.observed and np.isfinite(errors).any()
     error = float(np.nanmean(errors)) if is_measured else None
     spread = None
-    if error is not None and len(angle) and said.get("method") != STAYS:
+    if error is not None and len(angle) and figures.method != STAYS:
         # More observations of a track do not help: they share its error.
         spread = error / float(np.median(focal)) / max(np.radians(float(np.median(angle))), 1e-9)
     # A pan's lens is taken for depth: reprojection errors do not show it.
-    weak_depth = said.get("weak_depth")
-    if weak_depth is not None:
-        spread = max(spread or 0.0, float(weak_depth))
+    if figures.weak_depth is not None:
+        spread = max(spread or 0.0, figures.weak_depth)
     weak = [image.frame for image in reconstruction.images if len(image.points) < WEAK]
     found = Report(
         len(frames), len(counts), missing, len(reconstruction.points),
         [int(counts.min()), int(np.median(counts)), int(counts.max())],
-        0, error, [min(focal), max(focal)], said.get("focal_sigma"),
-        said.get("focal_from", "file"), LensReport.of(said),
+        0, error, [min(focal), max(focal)], figures.focal_sigma,
+        figures.focal_from, figures.lens,
         [float(q) for q in np.percentile(angle, (25, 50, 75))] if len(angle) else None,
-        _distances(reconstruction), spread, said.get("explained"), weak, list(said.get("notes", [])),
+        _distances(reconstruction), spread, figures.explained, weak, list(figures.notes),
     )  # fmt: skip
     long_side = max(max(camera.width, camera.height) for camera in reconstruction.cameras)
-    advice, remedies = _advice(found, list(frames), long_side, bool(said.get("depth_estimated")))
+    advice, remedies = _advice(found, list(frames), long_side, figures.depth_estimated)
     return replace(found, advice=advice, remedies=remedies)
 
 
