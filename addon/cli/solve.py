@@ -15,6 +15,7 @@ from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.media.fixed_area import FIXED
 from ..core.readers import read_reconstruction, recorded_clip, recorded_depth
 from ..core.readers.matching import Imported
+from ..core.sfm.figures import table
 from ..core.sfm.process import SolveProcess, SolveProgress
 from ..core.sfm.workspace import Solve, keep_import, load_solve
 from ..scene.sources.movieclip import read_movie_clip
@@ -45,7 +46,9 @@ def add_commands(commands: Commands, common: argparse.ArgumentParser) -> None:
     one.set_defaults(command=solve)
     two = commands.add_parser("report", parents=[common], help="how good a solve is, and advice")
     two.add_argument("work", type=path, metavar="DIR", help="folder of the solve")
-    two.add_argument("--json", action="store_true", help="machine-readable")
+    form = two.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="machine-readable")
+    form.add_argument("--verbose", action="store_true", help="also the attempts of the solver")
     two.set_defaults(command=report)
     three = commands.add_parser("import", parents=[common], help="import a solve from another program")
     model = three.add_mutually_exclusive_group(required=True)
@@ -182,9 +185,12 @@ def _wait(process: SolveProcess, check: Callable[[Footage], object] = lambda _: 
 
 
 def report(options: argparse.Namespace) -> None:
-    """Run `report DIR [--json]`."""
-    quality = load_solve(options.work.absolute()).quality
+    """Run `report DIR [--json | --verbose]`."""
+    solved = load_solve(options.work.absolute())
+    quality = solved.quality
     say(json.dumps(quality.as_dict(), indent=1) if options.json else quality.text(options.words))
+    if options.verbose:
+        say(table(solved.figures.attempts))
 
 
 def import_model(options: argparse.Namespace) -> None:

@@ -146,6 +146,38 @@ def test_a_report_is_of_what_is_there(solved: Solve, capsys: pytest.CaptureFixtu
     assert "16 of 16 registered" in capsys.readouterr().out
 
 
+def test_a_report_lists_the_attempts_of_a_solve(
+    solved: Solve, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("report", solved.work_dir, "--verbose") == 0
+    text = capsys.readouterr().out
+    assert "16 of 16 registered" in text
+    head, *rows = text[text.index("attempt  ") :].splitlines()
+    assert head.split() == ["attempt", "CPU", "s", "explained", "score", "verdict"]
+    assert [row.split("  ")[0] for row in rows] == [each.name for each in solved.figures.attempts]
+    assert rows[0].startswith("tracking  ") and rows[1].startswith("corners, pairs  ")
+    assert rows[-1].startswith("corners, moving  ") and rows[-1].endswith("%")
+    assert solved.figures.attempts[-1].explained == solved.figures.explained
+    assert sum(each.seconds for each in solved.figures.attempts) > 0
+
+    # Solves of older versions have no record.
+    work = shutil.copytree(solved.work_dir, tmp_path / "work", ignore=lambda *_: ["depth"])
+    state = json.loads((work / "solve.json").read_text())
+    del state["digest"], state["report"]["attempts"]
+    (work / "solve.json").write_text(json.dumps(state))
+    assert run("report", work, "--verbose") == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("attempts      no record")
+
+
+def test_the_traceback_of_a_refusal_lists_the_attempts(clip: Path, tmp_path: Path) -> None:
+    still = planes.write_clip(tmp_path / "still", [planes.view(np.zeros(3), np.zeros(3))] * 6)
+    with pytest.raises(UserError, match="does not move") as refusal:
+        run("solve", still, "--work", tmp_path / "work", "--debug")
+    (notes,) = refusal.value.__notes__
+    assert [line.split("  ")[0] for line in notes.splitlines()[1:]] == ["tracking", "corners"]
+    assert notes.endswith(str(refusal.value))
+
+
 def test_an_exported_model_comes_back(solved: Solve, tmp_path: Path) -> None:
     out, work = tmp_path / "model", tmp_path / "work"
     assert run("export", solved.work_dir, "--model", out) == 0

@@ -117,7 +117,7 @@ def table(attempts: Sequence[Attempt]) -> str:
 
 @dataclass(frozen=True)
 class Figures:
-    """What a solver or a file states of a solve."""
+    """The figures of a solve, from the solver or from another program's file."""
 
     method: str = ""
     """Keyframes "pairs" or "at once", `STAYS`, "stills", or the format of a file."""

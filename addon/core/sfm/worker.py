@@ -55,7 +55,7 @@ def main(*folder: Path) -> None:
 
 @dataclass(frozen=True)
 class SolveJob:
-    """What to solve, and how."""
+    """A clip to solve, and the settings of the solve."""
 
     clip: Footage
     focal: float | None = None
@@ -159,7 +159,7 @@ class _Hypothesis:
 def _hypotheses(
     job: SolveJob, footage: Footage, tracker: str, tracks: Tracks, refusals: list[UserError]
 ) -> Iterator[_Hypothesis]:
-    """What a clip may be solved from, the cheapest first; `refusals` holds those that are shown."""
+    """Tracks to solve a clip from, the cheapest first; `refusals` holds those that are shown."""
     yield _Hypothesis("corners" if tracker == "harris" else "sift", tracks)
     still = without_people(tracks, footage, Networks(segmenter=job.segmenter))
     if still is not None:
