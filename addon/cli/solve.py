@@ -15,8 +15,8 @@ from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.media.fixed_area import FIXED
 from ..core.readers import read_reconstruction, recorded_clip, recorded_depth
 from ..core.readers.matching import Imported
-from ..core.sfm.figures import table
 from ..core.sfm.process import SolveProcess, SolveProgress
+from ..core.sfm.steps import table
 from ..core.sfm.workspace import Solve, keep_import, load_solve
 from ..scene.sources.movieclip import read_movie_clip
 from ..scene.sources.scene_camera import cameras_of, read_scene_camera

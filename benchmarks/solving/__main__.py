@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.sfm.mapping.report import UNSURE_DEPTH
 from addon.core.sfm.process import SolveProcess
+from addon.core.sfm.report import UNSURE_DEPTH
 from addon.core.sfm.workspace import load_solve
 from addon.render.views.quiet import quiet
 from sample_scenes import staging, truth

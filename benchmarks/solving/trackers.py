@@ -25,7 +25,7 @@ from addon.core.sfm.tracking.klt import (
     strongest_corners,
 )
 from addon.core.sfm.tracking.sift import CONTRAST, keypoints, make_sift
-from addon.core.sfm.tracking.tracks import Tracker, Tracks, Watch, match_features, run
+from addon.core.sfm.tracking.tracks import Step, Tracks, Watch, match_features, run
 
 RENEW = 0.9
 """Share of the points followed below which new ones are looked for: finding them is slow."""
@@ -61,10 +61,10 @@ def eigenvalue_corners(gray: Bytes, points: Places) -> Places:
     return strongest_corners(gray, points, cv2.cornerMinEigenVal(gray, 3), QUALITY, CELLS)
 
 
-TRACKERS: dict[str, Callable[[], Tracker]] = {
-    "harris": lambda: TwoScales(new_corners),
-    "corners": lambda: TwoScales(eigenvalue_corners),
-    "sift-klt": lambda: TwoScales(SiftDetector()),
+TRACKERS: dict[str, Callable[[], Step]] = {
+    "harris": lambda: TwoScales(new_corners).step,
+    "corners": lambda: TwoScales(eigenvalue_corners).step,
+    "sift-klt": lambda: TwoScales(SiftDetector()).step,
 }
 """Points that optical flow follows, by name, the product's own first."""
 NAMES = (*TRACKERS, "sift")

@@ -34,13 +34,13 @@ def harris_klt(footage: Footage) -> Tracks:
         )
         return np.zeros((0, 2), np.float32) if found is None else np.float32(found).reshape(-1, 2)
 
-    return run(_Followed(detect), footage)
+    return run(_Followed(detect).step, footage)
 
 
 def sift_klt(footage: Footage) -> Tracks:
     """SIFT's keypoints, followed as in `harris_klt`; only the detector differs."""
     sift = make_sift()
-    return run(_Followed(lambda gray, free: keypoints(sift, gray, free).places), footage)
+    return run(_Followed(lambda gray, free: keypoints(sift, gray, free).places).step, footage)
 
 
 def sift_sift(footage: Footage) -> Tracks:
@@ -49,7 +49,7 @@ def sift_sift(footage: Footage) -> Tracks:
     A match must be the best one in both directions, clearly better than the second best, and fit the
     fundamental matrix of its pair of frames.
     """
-    return run(_Matched(), footage)
+    return run(_Matched().step, footage)
 
 
 def ours(footage: Footage) -> Tracks:

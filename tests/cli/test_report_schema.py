@@ -11,8 +11,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from addon.core.frame.report import FrameReport
-from addon.core.sfm.figures import LensReport
-from addon.core.sfm.mapping.report import Report
+from addon.core.sfm.report import LensReport, Report
 
 from ..command_line import done
 from .known_planes import import_planes

@@ -21,14 +21,14 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.intrinsics import Intrinsics
 from addon.core.camera.reconstruction import rotation_matrix, rotation_vector
 from addon.core.camera.stmap import redistort_map
+from addon.core.sfm import report
 from addon.core.sfm.adjustment import solution
 from addon.core.sfm.adjustment.solution import Solution
 from addon.core.sfm.calibration import lens
 from addon.core.sfm.calibration.lens import Found, find_lens, report_of
 from addon.core.sfm.calibration.self_calibration import refine_focal_length
-from addon.core.sfm.figures import Figures
-from addon.core.sfm.mapping import report
 from addon.core.sfm.process import SolveProcess
+from addon.core.sfm.report import Figures
 from addon.core.sfm.tracking.tracks import Tracks
 from addon.core.sfm.workspace import load_solve
 from benchmarks.solving.real_lens import RealLens

@@ -18,8 +18,7 @@ from addon.core.frame.first_person import nearest_subject
 from addon.core.media.clip import FrameRange, open_footage
 from addon.core.readers.colmap_export import read_model
 from addon.core.sfm import worker
-from addon.core.sfm.figures import Figures
-from addon.core.sfm.mapping.report import STAYS, report
+from addon.core.sfm.report import STAYS, Figures, report
 from addon.core.sfm.tracking import people_left_out
 from addon.core.sfm.tracking.people_left_out import outside, without_people
 from addon.core.sfm.tracking.tracks import Tracks

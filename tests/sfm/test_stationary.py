@@ -13,8 +13,7 @@ from addon.core.camera.reconstruction import rotation_matrix, rotation_vector
 from addon.core.sfm.adjustment import solution
 from addon.core.sfm.adjustment.bundle_adjustment import adjust
 from addon.core.sfm.calibration import self_calibration, stationary
-from addon.core.sfm.figures import Figures
-from addon.core.sfm.mapping.report import report
+from addon.core.sfm.report import Figures, report
 from addon.core.sfm.tracking.tracks import Tracks
 
 from .. import foreign_models

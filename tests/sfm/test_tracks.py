@@ -131,7 +131,7 @@ def test_where_only_large_things_stand_out_they_are_followed(tmp_path: Path) -> 
         )
     footage = open_footage(planes.write_clip(tmp_path / "clip", clip))
     tracks = track_features(footage)
-    small = run(KLTTracker(new_corners), footage)
+    small = run(KLTTracker(new_corners).step, footage)
     assert reached(tracks.in_frame(7)[1], planes.SIZE) > reached(small.in_frame(7)[1], planes.SIZE) + 0.3
     first, start = tracks.in_frame(0)
     last, end = tracks.in_frame(7)
@@ -168,7 +168,7 @@ def test_flow_alone_would_creep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     folder = planes.write_clip(tmp_path / "clip", clip)
     held, span = ends(tracked(folder), to)
     monkeypatch.setattr(template_tracking, "MAX_MOVE", 0.0)
-    free, free_span = ends(run(klt.TwoScales(klt.new_corners), open_footage(folder)), to)
+    free, free_span = ends(run(klt.TwoScales(klt.new_corners).step, open_footage(folder)), to)
     assert np.median(held[span >= 20]) < 0.6 * np.median(free[free_span >= 20])
 
 

@@ -21,11 +21,10 @@ from ..media.clip_identity import identity
 from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
-from .figures import Figures
 from .mapping.known_poses import thinned
-from .mapping.report import STAYS
+from .report import STAYS, Figures
 from .state import MODEL, Staging
-from .tracking.tracker_pictures import Sight
+from .steps import Sight
 from .worker import SolveJob, solve
 from .workspace import is_solved
 
@@ -106,13 +105,11 @@ class SolveProcess:
         self._identity = identity(self.clip.path)
         pixels = None if focal is None else in_pixels(focal, self.clip.width, self.clip.height)
         self._maps = None if depth_maps is None else open_depth(depth_maps, self.clip)
-        self._options: dict[str, Any] = {"focal": pixels, "zooms": zooms}
-        if cameras is not None:
-            self._options = {"imported": cameras.format}
-        # Values that were not requested are taken from the kept solve.
-        self._options["stills"] = self.clip.is_stills or None
-        self._options["pixel_aspect"] = pixel_aspect or None
-        self._options["fixed"] = fixed
+        self._options: dict[str, Any] = {
+            **({"focal": pixels, "zooms": zooms} if cameras is None else {"imported": cameras.format}),
+            # Values that were not requested are taken from the kept solve.
+            "stills": self.clip.is_stills or None, "pixel_aspect": pixel_aspect or None, "fixed": fixed,
+        }  # fmt: skip
         self.finished = is_solved(work_dir, self.clip, self._options, again)
         if self.finished:
             return
@@ -238,20 +235,16 @@ def opened(clip: Path, stills: bool) -> VideoInfo | None:
 
 def _worker_command() -> list[str]:
     """The command of a worker in Python alone; UserError without Python."""
+    python = sys.executable
+    if "python" not in Path(python).name.lower():
+        # Blender's is its own Python; some builds name the program.
+        folder = Path(sys.prefix, "bin")
+        found = [*sorted(folder.glob("python3*")), *sorted(folder.glob("python.exe"))]
+        if not found:
+            raise UserError(f"no Python was found next to {python}; solving needs Blender's own Python")
+        python = str(found[0])
     # -P: a folder called "addon" in the current directory must not be taken for ours.
-    return [_python(), "-P", "-m", "addon.core.sfm.worker"]
-
-
-def _python() -> str:
-    """Python for the worker. Blender's `sys.executable` is its own Python; some builds name the program."""
-    if "python" in Path(sys.executable).name.lower():
-        return sys.executable
-    found = sorted(Path(sys.prefix, "bin").glob("python3*")) + sorted(
-        Path(sys.prefix, "bin").glob("python.exe")
-    )
-    if not found:
-        raise UserError(f"no Python was found next to {sys.executable}; solving needs Blender's own Python")
-    return str(found[0])
+    return [python, "-P", "-m", "addon.core.sfm.worker"]
 
 
 def environment() -> dict[str, str]:

@@ -18,7 +18,7 @@ from ..base.regular_file import read_object, read_regular
 from ..media.clip import Footage
 from ..media.clip_identity import identity
 from ..media.video import video_info
-from .figures import Figures
+from .report import Figures
 
 STATE = "solve.json"
 MODEL = "model"
@@ -93,11 +93,6 @@ def _damaged(path: Path, why: str) -> UnusableStateError:
     return UnusableStateError(
         f"{path} is damaged ({why}); restore it, or solve again in its place", Remedy.AGAIN
     )
-
-
-def model_digests(model: Path) -> dict[str, str]:
-    """Return 64 hexadecimal digits for each file of a model, by its name."""
-    return {path.name: file_digest(path) for path in sorted(model.iterdir()) if path.is_file()}
 
 
 def check_model(model: Path, state: dict[str, Any]) -> None:
@@ -176,6 +171,7 @@ class Staging:
             )
         model, old = self.work_dir / MODEL, self.folder / OLD
         try:
+            files = sorted((self.folder / MODEL).iterdir())
             state = {
                 "version": VERSION,
                 "footage": str(footage.path),
@@ -186,9 +182,9 @@ class Staging:
                 **options,
                 "pixel_aspect": footage.pixel_aspect,
                 "report": figures.as_dict(),
-                "model": model_digests(self.folder / MODEL),
+                "model": {path.name: file_digest(path) for path in files},
             }
-            for path in (self.folder / MODEL).iterdir():
+            for path in files:
                 atomic.sync(path)
             write_state(self.folder / STATE, state)
             if model.exists():

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,12 +29,11 @@ from ..media.fixed_area import fixed_area
 from ..readers.colmap_export import write_model
 from ..readers.matching import Imported
 from ..subjects.networks import Networks
-from .figures import LEFT_OUT, Figures, Record, Solved, table
 from .mapping import known_poses
+from .report import LEFT_OUT, Figures, Solved
+from .steps import Record, Watch, table
 from .tracking.degeneracy import StaysError, refuse_cuts
 from .tracking.people_left_out import outside, without_people
-from .tracking.photo_matching import Photo, find_features, match_all
-from .tracking.tracker_pictures import Watch
 from .tracking.tracks import Tracks, are_bridged, check_shape, cuts, match_features, track_features
 
 METADATA_SIGMA = 0.1
@@ -76,7 +76,9 @@ def solve(job: SolveJob, folder: Path) -> Figures:
     """Solve a clip into a folder, in the worker process, and return the solve's figures."""
     began = time.monotonic()
     # After cv2 has been imported, and with pycolmap's own handler for SIGTERM, which can hang, taken out.
-    from .mapping import incremental_mapping
+    import pycolmap
+
+    from .mapping.photo_mapping import place_photos
 
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     picture_file.exr_decoder = _exr
@@ -87,36 +89,16 @@ def solve(job: SolveJob, folder: Path) -> Figures:
         check_shape(footage)
         if job.fixed:
             footage = replace(footage, fixed=fixed_area(footage.read, footage.frames))
-    reconstruction, figures = (_solve_clip if is_clip else _solve_photos)(footage, job)
+    reconstruction, figures = (
+        _solve_clip(footage, job) if is_clip else place_photos(footage, job.focal, _photo_focal)
+    )
     (folder / "model").mkdir()
     write_model(folder / "model", reconstruction)
     return replace(
         figures, notes=(*footage.notes, *figures.notes), stills=footage.is_stills, fps=footage.fps,
-        versions=incremental_mapping.versions(), seconds=round(time.monotonic() - began, 1),
+        versions={"numpy": np.__version__, "opencv": cv2.__version__, "pycolmap": pycolmap.__version__},
+        seconds=round(time.monotonic() - began, 1),
     )  # fmt: skip
-
-
-def _solve_photos(footage: Footage, job: SolveJob) -> Solved:
-    """Cameras and points of unordered photos."""
-    from .mapping.photo_mapping import place_photos
-
-    given, first = job.focal, max(footage.width, footage.height)
-    photos = find_features(footage)
-
-    def focal(photo: Photo) -> float | None:
-        if given:
-            # It is the first photo's; others of its camera differ in size at most.
-            return given * max(photo.width, photo.height) / first
-        return _photo_focal(footage.file(photo.frame), photo.width, photo.height)
-
-    is_known = any(focal(photo) for photo in photos)
-    matches = match_all(photos)
-    result, is_calibrated = place_photos(photos, matches, focal, bool(given))
-    there = set(result.frames.tolist())
-    lost = [photo.name for photo in photos if photo.frame not in there]
-    note = f"{len(lost)} photos could not be matched with the others: {', '.join(lost)}"
-    source = "clip" if is_calibrated else "given" if given else "metadata" if is_known else "guess"
-    return result, Figures("stills", source, tracker="sift", notes=(note,) * bool(lost))
 
 
 def _solve_clip(footage: Footage, job: SolveJob) -> Solved:
@@ -179,8 +161,10 @@ def _solved(job: SolveJob, footage: Footage, tracker: str, tracks: Tracks, recor
     """Cameras and points by the first hypothesis that is not refused."""
     from .mapping.incremental_mapping import FocalPrior, reconstruct
 
-    prior = FocalPrior(job.focal, zooms=job.zooms, source="given" if job.focal else "guess")
-    if not job.focal and not job.zooms and (focal := _metadata_focal(footage)):
+    prior = FocalPrior(zooms=job.zooms)
+    if job.focal:
+        prior = FocalPrior(job.focal, 0.0, job.zooms, "given")
+    elif not job.zooms and (focal := _metadata_focal(footage)):
         prior = FocalPrior(focal, METADATA_SIGMA, source="metadata")
     refusals: list[UserError] = []
     for each in _hypotheses(job, footage, tracker, tracks, refusals):

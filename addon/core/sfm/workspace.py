@@ -21,8 +21,7 @@ from ..media.video import first_frame
 from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
-from .figures import Figures
-from .mapping.report import Report, report
+from .report import Figures, Report, report
 from .state import (
     MODEL,
     STATE,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from ...core.sfm.process import Opening, SolveProcess, SolveProgress
-from ...core.sfm.tracking.tracker_pictures import Sight
+from ...core.sfm.steps import Sight
 
 
 class Solving:

@@ -7,7 +7,7 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ...core.sfm.tracking.tracker_pictures import Sight
+from ...core.sfm.steps import Sight
 from ...render.viewport.overlay import Rectangle, draw_message, draw_texture, fill, free_part
 from ...render.views.gpu_views import upload
 from ..base.solving import running_solve

@@ -21,7 +21,7 @@ from ..adjustment.bundle import SIGMA, Bundle, Observations, undistorted
 from ..adjustment.bundle_adjustment import Adjusted, adjust, stretched, turns
 from ..adjustment.small_motion import select_observations
 from ..adjustment.solution import Solution, resected
-from ..figures import LensReport
+from ..report import LensReport
 from ..tracking.tracks import Tracks
 from .self_calibration import UNMODELLED, as_bundle, put_back
 

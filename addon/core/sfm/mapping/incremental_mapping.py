@@ -13,9 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
-import cv2
 import numpy as np
-import pycolmap
 
 from ...base.arrays import Floats
 from ...base.errors import Remedy, UserError
@@ -27,12 +25,14 @@ from ..calibration.lens import Lens, find_lens, report_of
 from ..calibration.rotation import turned
 from ..calibration.stabilised import refuse_shifted
 from ..calibration.stationary import WEAK, DepthEvidence, depth_evidence
-from ..figures import LEFT_OUT, Figures, Record, Solved
-from ..steps import progress
+from ..report import EXPLAINED, LEFT_OUT, STAYS, Figures, Solved
+from ..steps import Record, progress
 from ..tracking.degeneracy import StaysError, check_motion, only_turns
 from ..tracking.tracks import Tracks
 from .keyframes import START_FOCAL, adjust, keyframe_features, keyframes, map_keyframes
-from .report import EXPLAINED, STAYS
+
+START_SIGMA = 0.2
+"""Relative standard deviation of a focal length that nobody gave."""
 
 
 @dataclass(frozen=True)
@@ -41,17 +41,12 @@ class FocalPrior:
 
     focal: float | None = None
     """Pixels."""
-    sigma: float = 0.0
-    """Relative standard deviation of `focal`; 0 holds it."""
+    sigma: float = START_SIGMA
+    """Relative standard deviation of the focal length to begin with; 0 holds it."""
     zooms: bool = False
     """True if the focal length changes over the clip."""
     source: str = "guess"
     """Where it is from, as `Report.focal_from`."""
-
-    @property
-    def known(self) -> float:
-        """Relative standard deviation of the focal length to begin with; 0 holds it."""
-        return self.sigma if self.focal else START_SIGMA
 
     def start(self, tracks: Tracks) -> float:
         """Return pixels of focal length to begin with."""
@@ -59,8 +54,6 @@ class FocalPrior:
 
 
 # Chosen by inspection where no line below gives a measurement; checked by the solves of `make bench-solve`.
-START_SIGMA = 0.2
-"""Relative standard deviation of a focal length that nobody gave."""
 LONGER_FOCAL = 1.3
 """Factor of the first focal length that gives a second one to begin with."""
 MIN_PARALLAX = 1.0
@@ -119,8 +112,8 @@ def reconstruct(
         if not stays and not (estimates and parallax < DOUBTFUL_PARALLAX):
             raise
         record.add("moving", refusal=str(error))
-    made, sigma = turned(tracks, prior.start(tracks), prior.known)
-    share, source = solution.explained(made), "clip" if sigma < prior.known else prior.source
+    made, sigma = turned(tracks, prior.start(tracks), prior.sigma)
+    share, source = solution.explained(made), "clip" if sigma < prior.sigma else prior.source
     result = _collected(made, "too little of this clip is static; choose another range of frames")
     record.add("staying", explained=share)
     figures = Figures(STAYS, source, sigma, explained=share, notes=notes, depth_estimated=estimates)
@@ -144,7 +137,7 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, record: Record) 
     weak, sigma = None, found.focal_sigma
     if depth is not None and depth.uncertainty >= WEAK:
         # A lens that is taken for depth is taken for a focal length, too.
-        weak, sigma = depth.uncertainty, max(sigma, prior.known)
+        weak, sigma = depth.uncertainty, max(sigma, prior.sigma)
     refuse_shifted(best, keys)
     if ratio is not None:
         self_calibration.refine_zoom(best, tracks, ratio)
@@ -168,7 +161,7 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, record: Record) 
         )
     result = _collected(best, "too few points could be placed in 3D; film with more sideways movement")
     result = normalise(result if lens is None else lens.recording(result))
-    source = "clip" if found.focal_sigma < prior.known / 2**0.5 else prior.source
+    source = "clip" if found.focal_sigma < prior.sigma / 2**0.5 else prior.source
     return result, Figures(
         AT_ONCE if found.start == AT_ONCE else "pairs", source, sigma, explained=explained,
         notes=(ZOOMED,) * (ratio is not None and not prior.zooms), depth_evidence=depth, weak_depth=weak,
@@ -185,11 +178,6 @@ def _depth(made: Solution) -> DepthEvidence | None:
             f" {depth.noise:.2f} of noise, GRIC {depth.gain:.2f}"
         )
     return depth
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of the libraries that a solve depends on."""
-    return {"numpy": np.__version__, "opencv": cv2.__version__, "pycolmap": pycolmap.__version__}
 
 
 @dataclass(frozen=True)
@@ -221,7 +209,7 @@ class _Keyframes:
     def zoom_or_not(self, tracks: Tracks) -> tuple[_Found, Floats | None]:
         """Solve the keyframes; also returns the zoom (F,), if the lens zooms."""
         found = None if self.prior.zooms else self._best(tracks)
-        if found is None or (self.prior.known > 0 and found.explained < EXPLAINED):
+        if found is None or (self.prior.sigma > 0 and found.explained < EXPLAINED):
             ratio = self_calibration.zoom_ratios(tracks)
             if found is None or ratio.max() >= MIN_GROWTH * ratio.min():
                 other = self._best(self_calibration.zoomed(tracks, ratio), "zoom")
@@ -267,7 +255,7 @@ class _Keyframes:
                 # It may have followed a moving object: its tracks are removed, and the rest tried.
                 rest = np.isnan(found[0].solution.xyz[tracks.track, 0])
                 yield "rest of the pairs", self._by_pairs(tracks.only(rest), start, tracks)
-                if self.prior.known > 0:
+                if self.prior.sigma > 0:
                     # Or it began with too short a lens and holds a flat background for all there is.
                     yield "longer focal length", self._by_pairs(tracks, LONGER_FOCAL * start)
         yield AT_ONCE, self._at_once(tracks, start)
@@ -281,7 +269,7 @@ class _Keyframes:
         """Remove the lens that the keyframes show from the tracks."""
         progress("Looking for a lens", 0, 1)
         made = found.solution
-        told = find_lens(made, self.prior.start(made.tracks), self.prior.known)
+        told = find_lens(made, self.prior.start(made.tracks), self.prior.sigma)
         if told is not None:
             found = self._explained(told.solution, found.start, told.focal_sigma, told.lens)
         self._note(found, "no lens" if told is None else "lens")
@@ -299,7 +287,7 @@ class _Keyframes:
         solution.drop_bad(made)
         if np.count_nonzero(np.isfinite(made.xyz[:, 0])) < MIN_POINTS:
             return None
-        focal, known = self.prior.start(made.tracks), self.prior.known
+        focal, known = self.prior.start(made.tracks), self.prior.sigma
         sigma = self_calibration.refine_focal_length(made, focal, known)
         solution.triangulate(made)
         solution.drop_bad(made)

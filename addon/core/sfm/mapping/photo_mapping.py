@@ -1,25 +1,34 @@
 """Cameras and points of unordered photos, by COLMAP's incremental mapping. Worker process only.
 
-Photos of one size and focal length share a camera: a focal length and one term of radial distortion, which
-wide angles between the photos determine. With narrow angles both are held at their priors. Schönberger and
-Frahm, "Structure-from-motion revisited", 2016.
+SIFT's keypoints (`sift`) of each photo are matched with all others', of each pair those that are each other's
+best match. Photos of one size and focal length share a camera: a focal length and one term of radial
+distortion, which wide angles between the photos determine. With narrow angles both are held at their priors.
+Schönberger and Frahm, "Structure-from-motion revisited", 2016. Places are in pixels of each photo, the first
+pixel's middle at (0.5, 0.5).
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
-import cv2  # noqa: F401
 import numpy as np
 import pycolmap
+from numpy.typing import NDArray
 
-from ...base.arrays import Ints
+from ...base.arrays import Floats, Ints
 from ...base.atomic import temporary_folder
+from ...base.counting import counted
 from ...base.errors import UserError
 from ...camera.reconstruction import Image, Intrinsics, Points, Reconstruction, normalise
+from ...media.clip import MOST_STILLS, Footage
+from ...media.light import to_gray8
 from ..adjustment.solution import MIN_POINTS, observed, outermost_angles
+from ..report import Figures, Solved
 from ..steps import progress
-from ..tracking.photo_matching import Photo
+from ..tracking.sift import Descriptors, keypoints, make_sift, matched
+from ..tracking.tracks import colours_at
 from .keyframes import START_FOCAL, mapped, mapper_options, new_camera, verify, write_database
 
 MODEL = "SIMPLE_RADIAL"
@@ -36,42 +45,121 @@ MAX_ERROR = 4.0
 MIN_ANGLE = 0.5
 """Least angle in degrees between the outermost rays of a point, median over the points; photos with less have
 too little parallax and are refused."""
+LONG_SIDE = 1600
+"""Longer side, in pixels, to which larger photos are reduced before their features are detected."""
+FEATURES = 4000
+"""The strongest keypoints of a photo that are matched, of up to `FEW` photos."""
+FEW = 30
+"""Photos past which fewer of their keypoints are matched, so that all pairs take minutes, not hours."""
+LEAST_FEATURES = 2000
+"""The strongest keypoints of a photo that are matched, of many photos."""
+
+
+@dataclass(frozen=True)
+class Photo:
+    """The features of one picture."""
+
+    frame: int
+    name: str
+    width: int
+    height: int
+    xy: Floats
+    """(n, 2) pixels."""
+    descriptors: Descriptors
+    """(n, 128)"""
+    rgb: NDArray[np.uint8]
+    """(n, 3) sRGB."""
 
 
 def place_photos(
-    photos: Sequence[Photo],
-    matches: dict[tuple[int, int], Ints],
-    focal: Callable[[Photo], float | None],
-    is_held: bool,
-) -> tuple[Reconstruction, bool]:
-    """Return cameras and points of photos from their matches, normalised.
+    footage: Footage, given: float | None, prior: Callable[[Path, int, int], float | None]
+) -> Solved:
+    """Return cameras and points of photos, normalised, and their figures.
 
     Args:
-        photos: The photos.
-        matches: Matched features of pairs.
-        focal: Returns a photo's prior focal length in pixels.
-        is_held: True to hold it.
-
-    Returns:
-        The solve, and whether its focal lengths come from the photos, not from their priors.
+        footage: The photos.
+        given: Known focal length of the first photo in pixels, which is held; or None.
+        prior: Returns the focal length in pixels that a file of a width and height states, or None.
 
     Raises:
-        UserError: No two photos show one scene from different places.
+        UserError: There are too few photos or too many, one cannot be read, or no two of them show one scene
+            from different places.
     """
+    photos, first = _find_features(footage), max(footage.width, footage.height)
+    known = [
+        # Other photos of the same camera differ in size at most.
+        given * max(photo.width, photo.height) / first if given
+        else prior(footage.file(photo.frame), photo.width, photo.height)
+        for photo in photos
+    ]  # fmt: skip
+    best, is_calibrated, lens_of = _mapped(photos, _match_all(photos), known, not given)
+    result = normalise(_collected(best, photos, lens_of))
+    point, _, rays = observed(result)
+    angle = float(np.nanmedian(outermost_angles(rays, point, len(result.points))))
+    if angle < MIN_ANGLE:
+        raise UserError(
+            f"these photos are taken from one place ({angle:.2f} degrees between them): too little parallax;"
+            " take them from places a step apart"
+        )
+    there = set(result.frames.tolist())
+    lost = [photo.name for photo in photos if photo.frame not in there]
+    note = f"{len(lost)} photos could not be matched with the others: {', '.join(lost)}"
+    source = "clip" if is_calibrated else "given" if given else "metadata" if any(known) else "guess"
+    return result, Figures("stills", source, tracker="sift", notes=(note,) * bool(lost))
+
+
+def _find_features(footage: Footage) -> list[Photo]:
+    """The features of all photos; UserError for too few or too many."""
+    count = len(footage.frames)
+    if not 2 <= count <= MOST_STILLS:
+        raise UserError(
+            f"{footage.path.name} has {counted(count, 'photo')}; 2 to {MOST_STILLS} can be matched with"
+            " each other; put those of one scene in a folder"
+        )
+    most = FEATURES if count <= FEW else LEAST_FEATURES
+    sift, found = make_sift(0.01), []
+    for done, frame in enumerate(footage.frames):
+        progress("Finding features", done, count)
+        picture = footage.read(frame)
+        height, width = picture.shape[:2]
+        gray = to_gray8(picture, LONG_SIDE)
+        points = keypoints(sift, gray)
+        points = points.kept(np.sort(np.argsort(-points.response, kind="stable")[:most]))
+        xy = (points.places.astype(np.float64) + 0.5) * np.array(
+            [width / gray.shape[1], height / gray.shape[0]]
+        )
+        colours = colours_at(picture, xy)
+        found.append(Photo(frame, footage.file(frame).name, width, height, xy, points.descriptors, colours))
+    return found
+
+
+def _match_all(photos: Sequence[Photo]) -> dict[tuple[int, int], Ints]:
+    """Rows (n, 2) of the features that match in two photos, by numbers (i, j) of photos, i < j."""
+    pairs = list(combinations(range(len(photos)), 2))
+    found = {}
+    for done, (i, j) in enumerate(pairs):
+        progress("Matching photos", done, len(pairs))
+        found[i, j] = np.column_stack(matched(photos[i].descriptors, photos[j].descriptors)).astype(np.int32)
+    return found
+
+
+def _mapped(
+    photos: Sequence[Photo], matches: dict[tuple[int, int], Ints], known: Sequence[float | None], frees: bool
+) -> tuple[pycolmap.Reconstruction, bool, list[int]]:
+    """The best model, whether its focal lengths are the photos' own, and the numbers of their cameras."""
     with temporary_folder() as folder:
-        lens_of = _write_database(folder, photos, matches, focal)
+        lens_of = _write_database(folder, photos, matches, known)
         progress("Placing photos", 0, len(photos))
         longest = max(max(photo.width, photo.height) for photo in photos)
         verify(folder, MAX_ERROR * longest / 1000)
-        tried: list[tuple[pycolmap.Reconstruction, bool]] = []
-        angles = [(angle, not is_held) for angle in WIDE_ANGLES]
-        angles += [(angle, False) for angle in NARROW_ANGLES]
-        for angle, frees in angles:
-            settings = _settings(angle, frees, longest)
+        tried: list[tuple[pycolmap.Reconstruction, bool, list[int]]] = []
+        angles = [(angle, frees) for angle in WIDE_ANGLES] + [(angle, False) for angle in NARROW_ANGLES]
+        for angle, is_free in angles:
+            settings = _settings(angle, is_free, longest)
             model = mapped(folder, settings, "Placing photos", len(photos))
             if model is None or model.num_reg_images() < 2 or model.num_points3D() < MIN_POINTS:
                 continue
-            tried.append((model, frees))
+            tried.append((model, is_free, lens_of))
             if model.num_reg_images() >= ENOUGH * len(photos):
                 break
     if not tried:
@@ -79,26 +167,16 @@ def place_photos(
             "no two of these photos show the same things from different places; take more, a step apart,"
             " with plenty of overlap"
         )
-    best, is_calibrated = max(tried, key=lambda each: (each[0].num_reg_images(), each[0].num_points3D()))
-    reconstruction = normalise(_collected(best, photos, lens_of))
-    point, _, rays = observed(reconstruction)
-    angle = float(np.nanmedian(outermost_angles(rays, point, len(reconstruction.points))))
-    if angle < MIN_ANGLE:
-        raise UserError(
-            f"these photos are taken from one place ({angle:.2f} degrees between them): too little parallax;"
-            " take them from places a step apart"
-        )
-    return reconstruction, is_calibrated
+    return max(tried, key=lambda each: (each[0].num_reg_images(), each[0].num_points3D()))
 
 
 def _write_database(
     folder: Path,
     photos: Sequence[Photo],
     matches: dict[tuple[int, int], Ints],
-    focal: Callable[[Photo], float | None],
+    known: Sequence[float | None],
 ) -> list[int]:
     """The photos, image i + 1 being photo i, as COLMAP reads them; the numbers of their cameras."""
-    known = [focal(photo) for photo in photos]
     keys = [
         (photo.width, photo.height, None if own is None else round(own, 1))
         for photo, own in zip(photos, known, strict=True)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -24,6 +23,9 @@ from ..steps import progress
 from .klt import TwoScales, new_corners
 from .sift import Matcher
 
+Step = Callable[[Bytes], tuple[NDArray[np.int64], NDArray[np.float32]]]
+"""Called with one frame (H, W) after the other. Returns track numbers (n,), ascending, those of new tracks
+following on the old ones', and places (n, 2), OpenCV's: the first pixel's middle at (0, 0)."""
 Watch = Callable[[Pixels, Floats], None]
 """Called with each frame (H, W, 3 or 4) as stored and its features (n, 2), as fractions of its size."""
 # Chosen by inspection of tracks.
@@ -80,16 +82,6 @@ class Tracks:
         return a[at_a], b[at_b]
 
 
-class Tracker(Protocol):
-    """Sees the frames of a clip one after the other."""
-
-    def step(self, gray: Bytes) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        """Track numbers (n,), ascending, those of new tracks following on the old ones', and places (n, 2).
-
-        Places are OpenCV's, the first pixel's middle at (0, 0).
-        """
-
-
 def track_features(footage: Footage, watch: Watch = lambda *_: None) -> Tracks:
     """Follow Harris corners by optical flow through all frames of the clip.
 
@@ -103,35 +95,37 @@ def track_features(footage: Footage, watch: Watch = lambda *_: None) -> Tracks:
     Raises:
         UserError: The clip has too few frames.
     """
-    return run(TwoScales(new_corners), footage, watch)
+    return run(TwoScales(new_corners).step, footage, watch)
 
 
 def match_features(footage: Footage) -> Tracks:
     """Match SIFT keypoints between frames: it survives fast motion and finds features again after a gap.
 
-    UserError where the clip has too few frames.
+    Keypoints that are seen only once are left out. UserError where the clip has too few frames.
     """
-    return _followed(run(Matcher(), footage))
+    tracks = run(Matcher().step, footage)
+    kept = np.bincount(tracks.track, minlength=tracks.count) > 1
+    some, number = tracks.only(kept[tracks.track]), np.cumsum(kept) - 1
+    return replace(some, rgb=tracks.rgb[kept], track=number[some.track].astype(np.int32))
 
 
 def check_shape(footage: Footage) -> None:
     """Check the shape of a clip's pictures; UserError if too small or too long for features."""
     width, height = footage.width, footage.height
-    long_side, short_side = LONG_SIDE, SHORT_SIDE
-    if min(width, height) * min(1.0, long_side / max(width, height)) < short_side:
+    if min(width, height) * min(1.0, LONG_SIDE / max(width, height)) < SHORT_SIDE:
         raise UserError(
             f"{footage.path.name} is {width}x{height} pixels; features can only be followed in images of at"
-            f" least {short_side} pixels a side, less than {long_side // short_side} times as long as wide"
+            f" least {SHORT_SIDE} pixels a side, less than {LONG_SIDE // SHORT_SIDE} times as long as wide"
         )
 
 
-def run(tracker: Tracker, footage: Footage, watch: Watch = lambda *_: None) -> Tracks:
+def run(step: Step, footage: Footage, watch: Watch = lambda *_: None) -> Tracks:
     """Run a tracker on a clip.
 
     Frames are reduced to `LONG_SIDE`; places are the source's.
 
     Args:
-        tracker: The tracker.
+        step: The tracker's.
         footage: The clip.
         watch: Called with each frame's picture and features.
     """
@@ -152,7 +146,7 @@ def run(tracker: Tracker, footage: Footage, watch: Watch = lambda *_: None) -> T
         progress("Tracking features", done, len(footage.frames))
         picture = footage.read(frame)
         gray = to_gray8(picture, LONG_SIDE)
-        number, place = tracker.step(gray)
+        number, place = step(gray)
         watch(picture, (place + 0.5) / gray.shape[::-1])
         new = np.searchsorted(number, born)
         colours.append(colours_at(picture, (place[new:] + 0.5) / zoom))
@@ -230,13 +224,6 @@ def correlation(a: NDArray[np.float32], b: NDArray[np.float32]) -> float:
     # A grey level's quantisation is no contrast.
     usable = (count > MIN_OVERLAP * a.size) & (spread > (0.01 * count) ** 2)
     return float(np.max(both / np.sqrt(np.where(usable, spread, 1.0)), where=usable, initial=0.0))
-
-
-def _followed(tracks: Tracks) -> Tracks:
-    """Without the tracks that are seen only once."""
-    kept = np.bincount(tracks.track, minlength=tracks.count) > 1
-    some, number = tracks.only(kept[tracks.track]), np.cumsum(kept) - 1
-    return replace(some, rgb=tracks.rgb[kept], track=number[some.track].astype(np.int32))
 
 
 def colours_at(picture: Pixels, places: NDArray[np.floating]) -> NDArray[np.uint8]:
