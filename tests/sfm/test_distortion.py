@@ -15,7 +15,7 @@ def test_derivatives_agree_with_finite_differences() -> None:
     xy = rng.uniform(-300, 300, (50, 2))
     point = np.column_stack([xy / 500, np.ones(50)]) * rng.uniform(2, 8, (50, 1))
     focal = np.full(50, 500.0)
-    lens = Distortion(np.array([0.01, -0.02, -0.1, 0.03, 0.1, 0.5]), (640, 330), rng.normal(0, 0.02, (4, 3)))
+    lens = Distortion((640, 330), rng.normal(0, 0.02, (4, 3)), np.array([0.01, -0.02, -0.1, 0.03, 0.1, 0.5]))
 
     def places(at: Distortion, local: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> object:
         return at.bent(focal[:, None] * local[:, :2] / local[:, 2:])

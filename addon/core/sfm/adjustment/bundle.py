@@ -21,15 +21,18 @@ LIMITS = np.array([0.2, 0.2, 0.5, 0.5, 1.0, 1.0])
 
 @dataclass(frozen=True)
 class Distortion:
-    """Distortion and readout of all frames of a clip. Places are pixels from the middle of the picture."""
+    """Distortion and readout of all frames of a clip. Places are pixels from the middle of the picture.
 
-    parameters: Floats
-    """(6,) principal point x, y in half diagonals; k1, k2: a place at m half diagonals from it is seen at m
-    (1 + k1 |m|^2 + k2 |m|^4); time to read the width and the height, in frame intervals."""
+    By default it is that of a pinhole that reads all rows at once.
+    """
+
     size: tuple[int, int]
     """Width and height of the picture in pixels."""
     speed: Floats
     """(F, 3) rotation vector from a frame to the next, in camera axes."""
+    parameters: Floats = field(default_factory=lambda: np.zeros(len(SIGMA)))
+    """(6,) principal point x, y in half diagonals; k1, k2: a place at m half diagonals from it is seen at m
+    (1 + k1 |m|^2 + k2 |m|^4); time to read the width and the height, in frame intervals."""
     free: Mask = field(default_factory=lambda: np.ones(len(SIGMA), bool))
     """(6,) which of the parameters an adjustment may change."""
 
@@ -82,11 +85,6 @@ class Distortion:
     def changed(self, step: Floats) -> Distortion:
         """With the parameters (6,) that much larger, within what cameras have."""
         return replace(self, parameters=np.clip(self.parameters + step, -LIMITS, LIMITS))
-
-
-def undistorted(size: tuple[int, int], speed: Floats) -> Distortion:
-    """Return a pinhole that reads all rows at once; `size` and `speed` (F, 3) are as in `Distortion`."""
-    return Distortion(np.zeros(len(SIGMA)), size, speed)
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,14 @@ cameras about the same place, and one adjustment finds the rest. Points must be 
 frames. Yu and Gallup, "3D reconstruction from accidental motion", 2014.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from ...base.arrays import Floats, Ints
+from ...base.arrays import Floats, Ints, Mask
 from ..tracking.degeneracy import kabsch, unit_rays
 from ..tracking.tracks import Tracks
 from .bundle import Bundle, Observations
@@ -38,6 +40,12 @@ class LongTracks:
     loss: float
     """Pixels."""
 
+    @classmethod
+    def of(cls, tracks: Tracks, frames: Ints, kept: Ints) -> LongTracks:
+        """Return the tracks (P,) of `kept` in frames (F,)."""
+        seen = select_observations(tracks, frames, kept)
+        return cls(seen, kept, len(frames), LOSS * max(tracks.width, tracks.height) / 1000)
+
 
 def long_tracks(tracks: Tracks, keys: list[int]) -> LongTracks:
     """Return the tracks that are seen in enough of the keyframes `keys`, indices of the clip's frames."""
@@ -45,13 +53,10 @@ def long_tracks(tracks: Tracks, keys: list[int]) -> LongTracks:
     views = np.bincount(tracks.track[in_keys], minlength=tracks.count)
     least = max(MIN_VIEWS, MIN_SHARE * len(keys))
     kept = np.nonzero(views >= least)[0].astype(np.int32)
-    seen = select_observations(tracks, np.array(keys, np.int32), kept, in_keys)
-    return LongTracks(seen, kept, len(keys), LOSS * max(tracks.width, tracks.height) / 1000)
+    return LongTracks.of(tracks, np.array(keys, np.int32), kept)
 
 
-def select_observations(
-    tracks: Tracks, frames: Ints, kept: Ints, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]
-) -> Observations:
+def select_observations(tracks: Tracks, frames: Ints, kept: Ints, rows: Mask | bool = True) -> Observations:
     """Return the selected observations (m,) of tracks (P,) in frames (F,), renumbered."""
     place, number = np.full(len(tracks.frames), -1, np.int32), np.full(tracks.count, -1, np.int32)
     place[frames], number[kept] = np.arange(len(frames)), np.arange(len(kept))
@@ -84,7 +89,9 @@ def general_motion(span: LongTracks, start: Bundle) -> Adjusted:
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     begun = replace(start, points=points, translation=rng.normal(0, 1e-3, (span.frames, 3)))
     found = adjust(begun, span.seen, span.loss)
-    if np.median(found.bundle.points[:, 3] * np.sign(_ahead(found.bundle))) < 0:
+    # Positive for directions that the middle camera sees before it.
+    ahead = found.bundle.points[:, :3] @ found.bundle.rotation[span.frames // 2, 2]
+    if np.median(found.bundle.points[:, 3] * np.sign(ahead)) < 0:
         mirrored = found.bundle.points * [1, 1, 1, -1]
         mirrored_bundle = replace(found.bundle, points=mirrored, translation=-found.bundle.translation)
         found = adjust(mirrored_bundle, span.seen, span.loss)
@@ -109,11 +116,6 @@ def rank_correlation(a: Floats, b: Floats) -> float:
     """Return Spearman's correlation of two series (n,), without ties."""
     first, second = (np.argsort(np.argsort(each)).astype(np.float64) for each in (a, b))
     return float(np.corrcoef(first, second)[0, 1])
-
-
-def _ahead(bundle: Bundle) -> Floats:
-    """(P,) positive for directions that the middle camera sees before it."""
-    return np.asarray(bundle.points[:, :3] @ bundle.rotation[len(bundle.rotation) // 2, 2])
 
 
 def _chained(span: LongTracks, rays: Floats) -> Floats:
@@ -141,9 +143,7 @@ def robust_turn(a: Floats, b: Floats) -> Floats:
     return turn
 
 
-def _inverse_depths(
-    seen: Observations, bundle: Bundle, rows: np.ndarray[tuple[int], np.dtype[np.bool_]], least: int
-) -> Floats:
+def _inverse_depths(seen: Observations, bundle: Bundle, rows: Mask, least: int) -> Floats:
     """(P,) from some of the observations alone, by linear least squares; NaN where fewer than `least`."""
     frame, point = seen.frame[rows], seen.point[rows]
     ray = seen.xy[rows] / bundle.focal[frame, None]

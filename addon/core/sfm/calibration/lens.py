@@ -17,7 +17,7 @@ from ...base.arrays import Floats, Ints
 from ...camera.intrinsics import Intrinsics
 from ...camera.reconstruction import Reconstruction, turning_speeds
 from ..adjustment import solution
-from ..adjustment.bundle import SIGMA, Bundle, Observations, undistorted
+from ..adjustment.bundle import SIGMA, Bundle, Distortion, Observations
 from ..adjustment.bundle_adjustment import Adjusted, adjust, stretched, turns
 from ..adjustment.small_motion import select_observations
 from ..adjustment.solution import Solution, resected
@@ -39,8 +39,8 @@ MIN_KEYS = 12
 """Least keyframes, likewise."""
 BLOCKS = 8
 """Parts of the clip whose errors are taken to be independent of each other's."""
-SIGMAS = 4.0
-"""Standard deviations by which a term must differ from 0: two, times `self_calibration.UNMODELLED`."""
+SIGMAS = 2 * UNMODELLED
+"""Standard deviations by which a term must differ from 0: two real ones."""
 FOCAL_SIGMA = 0.05
 """Relative standard deviation of a free focal length, times `self_calibration.UNMODELLED`, from which
 distortion cannot be separated from it: the clip of a real desk, its camera's path 1 to 4 % of the depth, has
@@ -90,16 +90,14 @@ class Lens:
 
     @property
     def corner(self) -> float:
-        """Relative displacement of the picture's corner from a pinhole's picture; negative for barrels."""
+        """Relative displacement of the picture's corner from a pinhole's picture; negative for barrels.
+
+        It is not finite where a polynomial folds before the corner, which no lens does.
+        """
         tracks = self.recorded
         unit = float(np.hypot(tracks.width, tracks.height)) / 2
         seen = self.intrinsics(unit).pinhole_pixels(np.array([[tracks.width, tracks.height]]))
         return float(unit / np.linalg.norm(seen - [tracks.width / 2, tracks.height / 2]) - 1)
-
-    @property
-    def is_one(self) -> bool:
-        """Return whether the lens sees all of the picture: a polynomial may fold before the corner."""
-        return bool(np.isfinite(self.corner))
 
     def straightened(self, focal: Floats, speed: Floats) -> Tracks:
         """Return the tracks of a pinhole with a global shutter, at the time of the frame's middle.
@@ -176,7 +174,7 @@ def find_lens(made: Solution, start: float, known: float) -> Found | None:
     )  # fmt: skip
     lens = fit.lens(adjusted, terms)
     for _ in range(ROUNDS):
-        if not lens.is_one:
+        if not np.isfinite(lens.corner):
             return None
         fit.put(trial, adjusted, lens)
         fit = _Fit.of(trial, made.tracks, known > 0)
@@ -192,7 +190,7 @@ def find_lens(made: Solution, start: float, known: float) -> Found | None:
         adjusted = fit.adjusted(terms, lens.parameters)
         lens = replace(lens, parameters=parameters_of(adjusted))
         sigma = float(1 / np.sqrt(1 / known**2 + 1 / sigma**2))
-    if not lens.is_one:
+    if not np.isfinite(lens.corner):
         return None
     fit.put(trial, adjusted, lens)
     return Found(trial, lens, sigma)
@@ -227,7 +225,7 @@ class _Fit:
         """With some terms of the distortion free, which begin with `parameters` (6,)."""
         size = self.recorded.width, self.recorded.height
         free = np.isin(np.arange(len(SIGMA)), terms)
-        lens = replace(undistorted(size, self.speed[self.posed]), free=free, parameters=parameters * free)
+        lens = Distortion(size, self.speed[self.posed], parameters * free, free)
         start = replace(self.bundle, distortion=lens)
         return adjust(start, self.seen, self.loss, "common" if self.free_focal else "held")
 

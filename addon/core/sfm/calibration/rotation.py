@@ -10,7 +10,7 @@ from ...base.errors import Remedy, UserError
 from ...camera.reconstruction import MEDIAN_DEPTH
 from ..adjustment import solution
 from ..adjustment.bundle_adjustment import adjust
-from ..adjustment.small_motion import LOSS, LongTracks, robust_turn, rotation_only, select_observations
+from ..adjustment.small_motion import LongTracks, robust_turn, rotation_only
 from ..adjustment.solution import MIN_POINTS, MIN_VIEWS, Solution
 from ..steps import progress
 from ..tracking.degeneracy import unit_rays
@@ -92,15 +92,13 @@ def _longest(tracks: Tracks, keys: Ints) -> Ints:
 
 def _spanning(tracks: Tracks, keys: Ints, kept: Ints) -> LongTracks:
     """The observations of tracks `kept` in frames `keys`; UserError for too few."""
-    least = MIN_POINTS
-    if len(kept) < least:
+    if len(kept) < MIN_POINTS:
         raise UserError(
-            f"fewer than {least} features can be followed for long in this clip; choose another range of"
+            f"fewer than {MIN_POINTS} features can be followed for long in this clip; choose another range of"
             " frames",
             Remedy.FRAMES,
         )
-    seen = select_observations(tracks, keys, kept, np.isin(tracks.frame_index, keys))
-    return LongTracks(seen, kept, len(keys), LOSS * max(tracks.width, tracks.height) / 1000)
+    return LongTracks.of(tracks, keys, kept)
 
 
 def _place(made: Solution) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ...camera.reconstruction import turning_speeds
-from ..adjustment.bundle import SIGMA, Bundle, undistorted
+from ..adjustment.bundle import SIGMA, Bundle, Distortion
 from ..adjustment.bundle_adjustment import Adjusted, adjust
 from ..adjustment.small_motion import LOSS, LongTracks, general_motion, rotation_only
 from ..adjustment.solution import Solution
@@ -71,7 +71,7 @@ def depth_evidence(made: Solution) -> DepthEvidence | None:
     span = LongTracks(seen, kept, len(posed), loss)
     turns = rotation_only(span, focal).bundle
     speed = turning_speeds(turns.rotation, np.array(tracks.frames)[posed])
-    pinhole = undistorted((tracks.width, tracks.height), speed)
+    pinhole = Distortion((tracks.width, tracks.height), speed)
 
     def adjusted(start: Bundle) -> Adjusted:
         return adjust(start, seen, loss, "each", tie)

@@ -126,20 +126,17 @@ def mapped(
 def mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
     """Return options for pictures of which two see a point at least `angle` degrees apart."""
     options = pycolmap.IncrementalPipelineOptions()
-    options.multiple_models = False
+    mapper = options.mapper
+    options.multiple_models = options.extract_colors = False
     options.min_model_size = 3
-    options.extract_colors = False
-    options.random_seed = options.triangulation.random_seed = 0
-    options.num_threads = THREADS
-    options.ba_refine_focal_length = False
-    options.ba_refine_extra_params = False
+    options.random_seed = options.triangulation.random_seed = mapper.random_seed = 0
+    options.num_threads = mapper.num_threads = THREADS
+    options.ba_refine_focal_length = options.ba_refine_extra_params = False
     options.ba_global_frames_ratio = options.ba_global_points_ratio = 1.4
     options.ba_global_max_refinements = 2
     options.ba_local_max_refinements = 1
     options.max_runtime_seconds = 600
-    mapper = options.mapper
-    mapper.abs_pose_refine_focal_length = False
-    mapper.abs_pose_refine_extra_params = False
+    mapper.abs_pose_refine_focal_length = mapper.abs_pose_refine_extra_params = False
     mapper.init_min_tri_angle = angle
     mapper.init_max_forward_motion = 1.0
     mapper.init_min_num_inliers = 50
@@ -147,8 +144,6 @@ def mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
     mapper.filter_max_reproj_error = 2.0
     mapper.abs_pose_max_error = 6.0
     mapper.ba_local_min_tri_angle = 1.0
-    mapper.random_seed = 0
-    mapper.num_threads = THREADS
     options.triangulation.min_angle = 0.25
     return options
 
