@@ -18,10 +18,6 @@ from .steps import Attempt
 
 STAYS = "turning"
 """The method of a solve whose camera stays in its place: depth is that of maps, or estimated."""
-ESTIMATED = "the background's distance is a guess; depth maps of the clip are more exact"
-"""Advice for a clip that is solved for its people alone."""
-MOVING = "something moves: click it to focus on it"
-"""Advice for a clip in which much of the picture moves."""
 WEAK = 30
 """Feature points; a frame with fewer has a mesh that knows little."""
 UNSURE_FOCAL = 0.02
@@ -37,6 +33,14 @@ WRONG_ERROR, WRONG_SHARE = 4.0, 0.005
 """Mean reprojection error, in pixels and in long sides, above both of which a model does not belong to these
 frames: COLMAP drops observations from 4 pixels on, and half a per cent is the limit for large pictures.
 Chosen by inspection."""
+SOURCES = {
+    "clip": ("found from the clip", "found"),
+    "given": ("given", "given as"),
+    "metadata": ("from the clip's file", "said to be"),
+    "guess": ("typical of a phone, assumed", "assumed to be"),
+    "file": ("read", "read as"),
+}
+"""Words for `Report.focal_from`, behind a focal length and before one."""
 NONE = (0.0, 0.0)
 """Terms of a lens that are held."""
 NUMBERS = ("focal_sigma", "explained", "weak_depth", "fps", "seconds")
@@ -229,13 +233,6 @@ class Report:
         sigma = "" if self.focal_sigma is None else f" ±{100 * self.focal_sigma:.1f}%"
         low, high = self.focal
         lens = f"{low:.0f} px" if high - low < 0.5 else f"{low:.0f} to {high:.0f} px"
-        source = {
-            "clip": "found from the clip",
-            "given": "given",
-            "metadata": "from the clip's file",
-            "guess": "typical of a phone, assumed",
-            "file": "read",
-        }
         error = self.reprojection_error
         missed = "not measured: the model has no usable observations" if error is None else f"{error:.2f} px"
         lines = [
@@ -244,7 +241,7 @@ class Report:
             f"points        {self.points}; per frame at least {self.points_per_frame[0]}, median"
             f" {self.points_per_frame[1]}, at most {self.points_per_frame[2]}",
             f"reprojection  {missed}",
-            f"focal length  {lens}{sigma}, {source[self.focal_from]}",
+            f"focal length  {lens}{sigma}, {SOURCES[self.focal_from][0]}",
             *(self.lens.lines() if self.lens is not None else []),
             f"parallax      {self._parallax()}",
             f"distances     {self.distances[0]:.4g} to {self.distances[2]:.4g}, {self.distances[1]:.4g} in"
@@ -313,9 +310,11 @@ def _advice(it: Report, frames: list[int], long_side: int, estimated: bool) -> t
             (),
         )
     if it.explained is not None and it.explained < EXPLAINED:
-        return MOVING, ()
+        return "something moves: click it to focus on it", ()
     if estimated:
-        return ESTIMATED, (Remedy.DEPTH_MAPS,)
+        # A clip that is solved for its people alone.
+        text = "the background's distance is a guess; depth maps of the clip are more exact"
+        return text, (Remedy.DEPTH_MAPS,)
     without = set(missing)
     places = [place for place, frame in enumerate(frames) if frame not in without]
     if common_step(places) > 1:

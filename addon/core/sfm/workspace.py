@@ -21,7 +21,7 @@ from ..media.video import first_frame
 from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
-from .report import Figures, Report, report
+from .report import SOURCES, Figures, Report, report
 from .state import (
     MODEL,
     STATE,
@@ -68,20 +68,13 @@ class Solve:
     def summary(self) -> str:
         """One line for the user."""
         it = self.quality
-        found = {
-            "clip": "found",
-            "given": "given as",
-            "guess": "assumed to be",
-            "file": "read as",
-            "metadata": "said to be",
-        }
         missed = it.reprojection_error
         error = "not measured" if missed is None else f"{missed:.2f} px"
         sure = f" (±{100 * it.focal_sigma:.1f}%)" if it.focal_from == "clip" and it.focal_sigma else ""
         return (
             f"{it.registered} of {counted(it.frames, 'frame')} registered,"
             f" {counted(it.points, 'point')}, reprojection error {error},"
-            f" focal length {found.get(it.focal_from, found['metadata'])} {it.focal[0]:.0f} px{sure}"
+            f" focal length {SOURCES[it.focal_from][1]} {it.focal[0]:.0f} px{sure}"
         )
 
 
