@@ -17,6 +17,8 @@ from addon.core.base.errors import Remedy, UserError
 from addon.core.media.clip import FrameRange
 from addon.core.readers.colmap_export import read_model
 from addon.core.sfm.process import SolveProcess, SolveProgress
+from addon.core.sfm.report import Figures, LensReport
+from addon.core.sfm.steps import Attempt
 from addon.core.sfm.workspace import Solve, default_work_dir, load_solve
 
 from .. import planes
@@ -335,6 +337,17 @@ def test_a_readout_is_kept_and_must_lie_within_a_frame(
             load_solve(work)
     else:
         assert load_solve(work).reconstruction.readout == read
+
+
+def test_figures_of_other_versions_are_read() -> None:
+    assert Figures.read({}) == Figures()
+    kept = {"method": "pairs", "fps": 25, "readout": [0, 0.1], "distortion": None, "unknown": 1}
+    found = Figures.read(kept | {"depth_evidence": {"parallax": 1.0}, "attempts": [{"name": "corners"}]})
+    assert found.lens == LensReport(readout=(0.0, 0.1), frame_ms=40.0)
+    # What lacks a part is left out.
+    assert found.depth_evidence is None and found.attempts == ()
+    one = Figures("pairs", attempts=(Attempt("corners, pairs", 1.5, 0.9, 0.4), Attempt("corners", 0.1)))
+    assert Figures.read(json.loads(json.dumps(one.as_dict()))) == one
 
 
 def test_a_clip_that_moved_along_is_found_and_a_lost_one_told(

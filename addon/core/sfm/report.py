@@ -151,20 +151,20 @@ class Figures:
         """
         given = {each.name: held[each.name] for each in fields(cls) if each.name in held}
         given |= {name: None if held.get(name) is None else float(held[name]) for name in NUMBERS}
-        evidence, lens = held.get("depth_evidence"), None
+        lens = None
         if "readout" in held:
             bend = held.get("distortion") or {"terms": NONE, "sigma": NONE, "corner": 0.0}
             lens = LensReport(
                 _pair(bend["terms"]), _pair(bend["sigma"]), float(bend["corner"]), _pair(held["readout"]),
-                _pair(held["readout_sigma"]), 1000 / given["fps"] if given["fps"] else None,
+                _pair(held.get("readout_sigma", NONE)), 1000 / given["fps"] if given["fps"] else None,
             )  # fmt: skip
             if not max(map(abs, lens.readout)) <= 1:
                 raise ValueError(f"its readout is {held['readout']}, not two shares of a frame")
         return cls(**given | {
             "notes": tuple(held.get("notes", ())),
-            "depth_evidence": evidence and _read(DepthEvidence, evidence),
+            "depth_evidence": _read(DepthEvidence, held.get("depth_evidence")),
             "lens": lens,
-            "attempts": tuple(_read(Attempt, each) for each in held.get("attempts", ())),
+            "attempts": tuple(filter(None, (_read(Attempt, each) for each in held.get("attempts", ())))),
         })  # fmt: skip
 
 
@@ -172,9 +172,12 @@ Solved = tuple[Reconstruction, Figures]
 """Cameras and points, and their figures."""
 
 
-def _read[T](kind: type[T], held: dict[str, Any]) -> T:
-    """A dataclass without the keys that a later version has added."""
-    return kind(**{name: held[name] for name in kind.__annotations__ if name in held})
+def _read[T](kind: type[T], held: dict[str, Any] | None) -> T | None:
+    """A dataclass of those keys that it knows; None where one is missing, as another version may have it."""
+    try:
+        return kind(**{name: value for name, value in (held or {}).items() if name in kind.__annotations__})
+    except TypeError:
+        return None
 
 
 def _pair(held: Sequence[float]) -> tuple[float, float]:

@@ -74,7 +74,7 @@ class Solve:
         return (
             f"{it.registered} of {counted(it.frames, 'frame')} registered,"
             f" {counted(it.points, 'point')}, reprojection error {error},"
-            f" focal length {SOURCES[it.focal_from][1]} {it.focal[0]:.0f} px{sure}"
+            f" focal length {SOURCES.get(it.focal_from, SOURCES['metadata'])[1]} {it.focal[0]:.0f} px{sure}"
         )
 
 

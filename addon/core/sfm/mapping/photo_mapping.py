@@ -13,6 +13,7 @@ from itertools import combinations
 from pathlib import Path
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
+import cv2  # noqa: F401
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
