@@ -1,4 +1,4 @@
-"""The stages and attempts of a solve, and pictures of the tracker's work, for those who wait for it."""
+"""The stages and attempts of a solve, and pictures of the tracker's work, as they are shown."""
 
 from __future__ import annotations
 
