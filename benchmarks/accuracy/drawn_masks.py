@@ -2,14 +2,15 @@
 
 `python -m benchmarks.special drawn_masks [--clips NAME ...] [--ways WAY ...] [--pictures FOLDER]
 [--segmenter FILE.onnx]`. *Stroke*: a line down the middle of the true mask in the middle frame that has one,
-carried through the clip. *Click*: its innermost pixel alone. *Automatic*: the people and other moving objects
-of the solved clip, all of them.
+carried through the clip. *Click*: its innermost pixel alone. *Anywhere*: clicks at random places on it in
+four frames, each measured in its own frame. *Automatic*: the people and other moving objects of the solved
+clip, all of them.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import cv2
@@ -32,7 +33,9 @@ from .mask_metrics import Mask, boundary_f, iou
 
 CORNERS = {"stroke": 5, "click": 1}
 """Of the line that marks the subject."""
-WAYS = (*CORNERS, "automatic")
+WAYS = (*CORNERS, "anywhere", "automatic")
+FRAMES, PLACES, WITHIN = 4, 10, 1 / 90
+"""Frames with random clicks, clicks in each, and their least distance from the outline over the long side."""
 
 
 def main() -> None:
@@ -65,19 +68,37 @@ def _judge(name: str, ways: Sequence[str], pictures: Path | None, networks: Netw
     if "automatic" in ways:
         finds["automatic"] = _automatic(footage, name, networks)
     for way in ways:
-        find = finds[way]
         began = cpu_seconds()
-        found = {frame: _sized(find(frame), truth.shape) for frame, truth in truths.items()}
-        cost = (cpu_seconds() - began) / len(found)
-        values = np.array([iou(found[frame], truth) for frame, truth in truths.items()])
-        outline = np.mean([boundary_f(found[frame], truth) for frame, truth in truths.items()])
+        if way == "anywhere":
+            pairs = list(_anywhere(small, networks, truths))
+        else:
+            pairs = [(_sized(finds[way](frame), truth.shape), truth) for frame, truth in truths.items()]
+        cost = (cpu_seconds() - began) / len(pairs)
+        values = np.array([iou(*pair) for pair in pairs])
+        outline = np.mean([boundary_f(*pair) for pair in pairs])
         print(f"| {name} | {way} | {values.mean():.2f} | {values.min():.2f} | {(values > 0.85).mean():.2f}"
               f" | {outline:.2f} | {cost:.2f} |", flush=True)  # fmt: skip
-        if pictures is not None:
+        if pictures is not None and way != "anywhere":
             pictures.mkdir(parents=True, exist_ok=True)
-            rows = [_shown(footage.read(frame)[..., 2::-1], found[frame]) for frame in list(found)[::10]]
+            found = zip(truths, pairs, strict=False)
+            rows = [_shown(footage.read(frame)[..., 2::-1], mask) for frame, (mask, _) in [*found][::10]]
             cv2.imwrite(str(pictures / f"{name}_{way}.jpg"), np.vstack(rows))
     footage.close()
+
+
+def _anywhere(
+    small: ClipPictures, networks: Networks, truths: dict[int, Mask]
+) -> Iterator[tuple[Mask, Mask]]:
+    """Subjects of clicks at random places, each with the truth of its frame."""
+    random, frames = np.random.default_rng(0), sorted(truths)
+    for frame in (frames[round(at)] for at in np.linspace(0, len(frames) - 1, FRAMES + 2)[1:-1]):
+        truth = truths[frame]
+        away = cv2.distanceTransform(_solid(truth).astype(np.uint8), cv2.DIST_L2, 5)
+        places = np.argwhere(away > WITHIN * max(truth.shape))
+        for row, column in random.choice(places, PLACES):
+            at = (column + 0.5) / truth.shape[1], (row + 0.5) / truth.shape[0]
+            subject = CarriedSubject(small, networks, (Stroke(frame, (at,)),))
+            yield _sized(subject.mask(frame), truth.shape), truth
 
 
 def _automatic(footage: Footage, name: str, networks: Networks) -> Callable[[int], Mask]:

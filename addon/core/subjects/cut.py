@@ -56,8 +56,10 @@ LIKE = 0.5
 """Least mean log-odds of the colours of a subject's part that comes into view; 0 is undecided."""
 CLICK = 0.1
 """Extent of a stroke, over the long side, below which it shows nothing of the subject's size."""
-AROUND_CLICK = 0.4
-"""Side, over the long side, of the square around such a stroke in which the networks look for its subject."""
+AROUND_CLICK = (0.2, 0.4, 0.6, 0.9)
+"""Sides, over the long side, of the squares around such a stroke in which the networks look for its subject:
+the clearest figure counts. Of 40 clicks at random places of each clip, with 0.4 alone and with all four: goat
+0.45, 0.56; cow 0.79, 0.82; scooter 0.69, 0.70; dancer, car and paraglider the same."""
 CARRIER = 0.4
 """Share of the pixels that move as a figure of the networks, with less of which the figure is only a part of
 the subject: a rider without the scooter has 0.17 to 0.37, people and animals of ten other clips 0.47 to
@@ -259,12 +261,18 @@ def _solved(
 
 def _recognised_first(networks: Networks, picture: Bytes, expected: Mask, marked: Mask) -> tuple[Map, float]:
     """Log-odds (h, w) of the networks around a mask, and their certainty in [0, 1] under a stroke (h, w)."""
-    box, long_side = Box.around(expected, 1.5), max(expected.shape)
+    boxes, long_side = [Box.around(expected, 1.5)], max(expected.shape)
     extent = Box.around(expected)
     if max(extent.right - extent.left, extent.bottom - extent.top) < CLICK * long_side:
-        box = Box.square(np.argwhere(expected).mean(axis=0), AROUND_CLICK * long_side, expected.shape)
-    seen, settled = _recognised_from(networks, picture, expected, box)
-    return seen, _within(float((seen > 0)[marked].mean())) * settled
+        middle = np.argwhere(expected).mean(axis=0)
+        boxes = [Box.square(middle, side * long_side, expected.shape) for side in AROUND_CLICK]
+
+    def look(box: Box) -> tuple[float, Map, float]:
+        seen, settled = _recognised_from(networks, picture, expected, box)
+        on, part = float((seen > 0)[marked].mean()), touching((seen > 0) | marked, marked)
+        return float(seen[part].mean()) * settled * on, seen, _within(on) * settled
+
+    return max(map(look, boxes), key=lambda each: each[0])[1:]
 
 
 def _recognised_from(networks: Networks, picture: Bytes, expected: Mask, box: Box) -> tuple[Map, float]:
