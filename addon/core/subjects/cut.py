@@ -58,8 +58,8 @@ CLICK = 0.1
 """Extent of a stroke, over the long side, below which it shows nothing of the subject's size."""
 AROUND_CLICK = (0.2, 0.4, 0.6, 0.9)
 """Sides, over the long side, of the squares around such a stroke in which the networks look for its subject:
-the clearest figure counts. Of 40 clicks at random places of each clip, with 0.4 alone and with all four: goat
-0.45, 0.56; cow 0.79, 0.82; scooter 0.69, 0.70; dancer, car and paraglider the same."""
+the clearest figure counts. 40 clicks at random places of each clip have, with 0.4 alone and with all four:
+goat 0.45, 0.56; cow 0.79, 0.82; scooter 0.69, 0.70; dancer, car and paraglider the same."""
 CARRIER = 0.4
 """Share of the pixels that move as a figure of the networks, with less of which the figure is only a part of
 the subject: a rider without the scooter has 0.17 to 0.37, people and animals of ten other clips 0.47 to

@@ -132,7 +132,7 @@ class FramesAhead:
 
 
 _prepared: list[FramesAhead | None] = []
-"""What draws the present animation ahead, or None; empty before its first frame."""
+"""The processes of the present animation, or None without any; empty before its first frame."""
 
 
 def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int, draw: Draw) -> DrawnFrame | None:
