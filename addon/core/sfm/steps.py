@@ -44,7 +44,7 @@ def progress(stage: str, done: int, total: int) -> None:
 
 
 class Watch:
-    """Tells what is seen, now and then; called with every frame."""
+    """Shows a picture of the tracker's work every `EVERY` seconds; called with every frame."""
 
     def __init__(self, tell: Callable[[Sight], object]) -> None:
         self._tell, self._told = tell, -EVERY

@@ -160,7 +160,7 @@ def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int, draw: Draw) -> 
 
 @at(*RENDERS)
 def forget(*_: object) -> None:
-    """End what draws ahead, and begin anew with the next animation."""
+    """End the processes, and begin anew with the next animation."""
     for ahead in _prepared:
         if ahead is not None:
             ahead.end()
