@@ -198,6 +198,7 @@ def _copy_clip(
     lens = given_lens(options)
     image = image_of(options.aperture)
     copies = copied(folder, footage, options.depth, options.mask, image, options.segmenter)
+    depth, _, _, segmenter = copies
     for name, copy in zip(("depth", "mask", "aperture", "segmenter"), copies, strict=True):
         if copy is not None:
             own = copy.relative_to(folder)
@@ -206,7 +207,7 @@ def _copy_clip(
         copy_file(options.repair, folder / REPAIR)
         lens["repair"] = Path(REPAIR)
     write_lens(folder / LENS, lens)
-    return frames, (clip, copies[0], copies[3])
+    return frames, (clip, depth, segmenter)
 
 
 def _copy_solve(source: Path, target: Path, clip: Path) -> None:

@@ -137,7 +137,8 @@ def _refusals() -> Iterator[None]:
     except cv2.error as error:
         said = " ".join(re.sub(r"OpenCV\(\S*\) \S+ error: |\n>", " ", str(error)).split())
         raise ValueError(
-            f"OpenCV {cv2.__version__} does not run it ({said}); run it elsewhere and use its maps"
+            f"OpenCV {cv2.__version__} does not run it ({said}); run it elsewhere and use its depth"
+            " maps or masks"
         ) from None
     finally:
         cv2.utils.logging.setLogLevel(level)
