@@ -18,6 +18,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "focus_distances": ("benchmarks.gallery", "distance of followed subjects of real clips (real data)"),
     "grain": (ACCURACY, "noise given back where blur took it; --clip FILE: what is measured of a clip"),
     "lens": (ACCURACY, "effects of the lens against 4,096 views; --page: a frame under ten lenses"),
+    "keep_rule": (ACCURACY, "what a constant or a pass of the core is worth, in dB"),
     "lamps": (ACCURACY, "bulbs, a street at night and paper lanterns, clean and coded"),
     "room": (ACCURACY, "depth of a real room against a sensor's (real data)"),
     "subjects": (ACCURACY, "masks and depth of people and animals that walk"),
