@@ -107,6 +107,7 @@ class ClipProperties:
     )
     clip_identity: hidden(StringProperty, "Identity", "Fingerprint of the solved clip")
     clip_name: hidden(StringProperty, "Name", "Name of the solved clip")
+    solved_in: hidden(StringProperty, "Solved In", "Working folder of the solve")
     clip_notes: hidden(StringProperty, "Notes", "Remarks about the solved clip, one per line")
     clip_first: hidden(IntProperty, "First Frame", "First solved frame")
     clip_last: hidden(IntProperty, "Last Frame", "Last solved frame")

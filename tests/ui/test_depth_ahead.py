@@ -14,6 +14,7 @@ from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
 from addon.core.subjects.strokes import MarkedSubject, Stroke
+from addon.scene.sources.clip import footage_path, work_dir
 from addon.scene.sources.shot import shot_of
 from addon.scene.sources.subjects import set_marked
 from addon.ui import panels
@@ -144,6 +145,23 @@ def test_a_file_knows_that_its_depth_was_being_found(scene: bpy.types.Scene, wor
     assert found is not None
     until(lambda: not found.is_running)
     assert not reopened()
+
+
+def test_a_file_saved_elsewhere_keeps_its_working_folder(scene: bpy.types.Scene, work: Path) -> None:
+    scene.virtual_aperture.work_dir = ""
+    bpy.ops.wm.save_as_mainfile(filepath=str(work.parent / "scene.blend"))
+    bpy.ops.virtual_aperture.find_depth()
+    elsewhere = work.parent / "other" / "scene.blend"
+    elsewhere.parent.mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(elsewhere))
+    settings = bpy.context.scene.virtual_aperture
+    found = depth_ahead.of(settings)
+    assert found is not None and found.is_running and settings.work_dir == ""
+    bpy.ops.wm.open_mainfile(filepath=str(elsewhere))
+    settings = bpy.context.scene.virtual_aperture
+    assert settings.finds_depth and work_dir(settings, footage_path(settings)) == work.resolve()
+    settings.clip_name = "another.mp4"
+    assert work_dir(settings, footage_path(settings)).parent == elsewhere.parent.resolve()
 
 
 def test_how_long_it_will_still_take(

@@ -10,7 +10,7 @@ import bpy
 
 from .events import at
 
-PATHS = ("footage", "work_dir", "depth_maps", "masks", "segmenter")
+PATHS = ("footage", "work_dir", "solved_in", "depth_maps", "masks", "segmenter")
 """Properties of the settings that are paths."""
 _before: list[tuple[bpy.types.bpy_struct, str, str]] = []
 """Owner, property and value of the paths that were changed for a file that is being written."""

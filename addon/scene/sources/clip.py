@@ -9,6 +9,7 @@ import bpy
 from ...core.base.errors import Remedy, UserError
 from ...core.media.clip import Footage, FrameRange
 from ...core.media.clip_identity import clip_exists, find_clip, is_clip
+from ...core.sfm.state import STATE
 from ...core.sfm.workspace import recorded_clip
 from ..base.paths import absolute, own_file
 from ..base.preferences import preferred_work_dir
@@ -129,13 +130,17 @@ def work_dir(settings: bpy.types.PropertyGroup, clip: Path, chosen: str | None =
     """Return the working folder: the chosen or set one, or a clip's default.
 
     The default is in the cache folder of the preferences, else beside the .blend, or beside the clip before
-    that is saved.
+    that is saved. The folder of the scene's solve stays in use when the .blend is saved elsewhere.
     """
     chosen = settings.work_dir if chosen is None else chosen
     if chosen:
         return absolute(chosen, settings.id_data)
     file = own_file(settings.id_data)
-    return preferred_work_dir(clip, file.parent if file is not None else clip.parent)
+    default = preferred_work_dir(clip, file.parent if file is not None else clip.parent)
+    if settings.solved_in and settings.clip_name == clip.name and not (default / STATE).exists():
+        solved = absolute(settings.solved_in, settings.id_data)
+        return solved if (solved / STATE).exists() else default
+    return default
 
 
 def forget() -> None:

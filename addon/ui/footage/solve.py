@@ -17,7 +17,7 @@ from ...core.sfm.state import STATE
 from ...core.sfm.workspace import Solve, load_solve
 from ...render.viewport import viewport
 from ...scene.base import redraw
-from ...scene.base.paths import absolute
+from ...scene.base.paths import absolute, relative
 from ...scene.base.remedy_words import WORDS
 from ...scene.build import build
 from ...scene.focus import focus_marks
@@ -52,6 +52,7 @@ def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple
         with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=points):
             bpy.ops.object.mode_set(mode="OBJECT")
     settings = build(scene, footage, solve.reconstruction)
+    settings.solved_in = relative(folder)
     settings.summary = solve.summary
     settings.advice = with_words(solve.quality.advice, solve.quality.remedies, WORDS)
     note = ""
