@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from addon.cli import solve
 from addon.core.base.messages import Progress
-from addon.core.base.time_left import Clock, TimeLeft
+from addon.core.base.time_left import Advance, Clock, TimeLeft
 from addon.core.base.worker import Worker
 from addon.core.sfm.process import SolveProgress
 from addon.core.sfm.steps import SHARES
@@ -23,13 +24,19 @@ def test_even_work_is_told_from_when_it_can_be() -> None:
         assert left.at(100 + second, second / 100) == pytest.approx(100 - second)
 
 
-def test_what_is_tried_again_takes_no_part_and_is_not_told() -> None:
-    left = TimeLeft(0.0)
-    assert left.at(80, 0.8) == pytest.approx(20)
-    # It falls back to three tenths, where 80 s were said to be 190 s left.
-    assert [left.at(t, s) for t, s in ((81, 0.3), (100, 0.5), (150, 0.75))] == [None, None, None]
-    # Past where it was, by the pace of before: 90 % in 90 s of work.
-    assert left.at(160, 0.9) == pytest.approx(10, abs=1)
+def test_a_bar_never_goes_back() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        advance = Advance()
+        shown = [advance.to(share) for share in rng.uniform(0, 1, 20)]
+        assert shown == sorted(shown) and shown[0] >= 0 and shown[-1] <= 1
+        assert advance.to(1.0) == pytest.approx(1)
+
+
+def test_a_retry_goes_on_from_where_the_bar_was() -> None:
+    advance = Advance()
+    shown = [advance.to(share) for share in (0.2, 0.4, 0.2, 0.6, 1.0)]
+    assert shown == pytest.approx([0.2, 0.4, 0.4, 0.7, 1.0])
 
 
 def test_estimates_that_contradict_each_other_are_none() -> None:

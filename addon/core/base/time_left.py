@@ -14,30 +14,33 @@ CONTRADICTS, SLACK = 2.0, 5.0
 then."""
 
 
-class TimeLeft:
-    """Estimates for work whose shares are proportional to time; times are in seconds of any clock.
+class Advance:
+    """The finished share of work whose parts may be retried: a retry goes on from the share before it."""
 
-    Parts may be retried: there is no estimate then, and the time of the retry does not count for the pace.
-    """
+    def __init__(self) -> None:
+        self._shown = self._before = self._retried = self._last = 0.0
+
+    def to(self, share: float) -> float:
+        """Return the share to show, which never falls, for a reported share in [0, 1]."""
+        if share < self._last - AGAIN:
+            self._before, self._retried = self._shown, share
+        self._last = share
+        done = (share - self._retried) / max(1 - self._retried, 1e-9)
+        self._shown = max(self._shown, self._before + (1 - self._before) * done)
+        return self._shown
+
+
+class TimeLeft:
+    """Estimates for work whose shares are proportional to time; times are in seconds of any clock."""
 
     def __init__(self, now: float, least_share: float = LEAST_SHARE) -> None:
         self._least_share = least_share
-        self._start = self._last = now
-        self._highest = 0.0
-        self._lost = 0.0
+        self._start = now
         self._said: tuple[float, float] | None = None
 
     def at(self, now: float, share: float) -> float | None:
         """Return the seconds left when a share in [0, 1] is finished, or None if unknown."""
-        is_again = share < self._highest - AGAIN
-        if is_again:
-            self._lost += now - self._last
-        self._last = now
-        if is_again:
-            self._said = None
-            return None
-        self._highest = max(self._highest, share)
-        worked = now - self._start - self._lost
+        worked = now - self._start
         if share < self._least_share or worked < LEAST_SECONDS:
             return None
         left = worked * (1 - share) / share

@@ -24,7 +24,7 @@ from .errors import UserError
 from .messages import PATIENCE, Cancel, Failure, Message, Parcel, Progress, Result, Warned, decode, write
 from .parcel import Named, no_name, pack
 from .progress import Cancelled
-from .time_left import LEAST_SHARE, TimeLeft
+from .time_left import LEAST_SHARE, Advance, TimeLeft
 
 REMEMBERED = 20
 """Last lines of standard error that are kept, to explain the end of a process."""
@@ -131,7 +131,7 @@ class Worker:
         """The calls that have not ended, in their order, by number."""
         self._count = 0
         self._program = program
-        self._first = 0.0
+        self._first, self._advance = 0.0, Advance()
         self._time_left: TimeLeft | None = None
         self._last: Message | None = None
         self._messages, self._complaints = deque[Message](), deque[str](maxlen=REMEMBERED)
@@ -264,7 +264,8 @@ class Worker:
             self.stage = self.stage if self.done else message.stage
             return
         self.stage, self.done, self.total = message.stage, message.done, message.total
-        self.share = message.done / max(message.total, 1) if message.share is None else message.share
+        steps = message.done / max(message.total, 1)
+        self.share = steps if message.share is None else self._advance.to(message.share)
         now = time.monotonic()
         if self._time_left is None:
             # The first report does not measure the pace: an earlier run did that part, or the first frame

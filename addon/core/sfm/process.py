@@ -153,7 +153,7 @@ class SolveProcess:
         for message in self._job.poll():
             if isinstance(message, Progress) and message.call is None:
                 step = f" {message.done}/{message.total}" if message.total > 1 else ""
-                steps.append(SolveProgress(message.stage + step, message.share or 0.0, self._job.left))
+                steps.append(SolveProgress(message.stage + step, self._job.share, self._job.left))
         if self._call is not None and self._call.shown:
             self.sight = self._call.shown.pop()
             self._call.shown.clear()
