@@ -116,6 +116,24 @@ def test_same_as_here_asks_for_the_place_first(program: Program) -> None:
     assert program.ask(REPAIRS)[0][::3] == ["SAME", True]
 
 
+def test_a_stroke_of_same_as_here_may_come_first(program: Program) -> None:
+    before = program.ask(REPAIRS)
+    program.ask(START)
+    program.wait(PAINTING)
+    program.settle()
+    x, y = GLOBE
+    program.screen.drag(*(over(program, (x + across, y)) for across in (-0.02, 0.0, 0.02)))
+    program.settle()
+    program.shot("stroke_first")
+    assert program.ask(PAINTING) and program.ask(REPAIRS) == before
+    program.screen.click(*over(program, WALL))
+    program.wait(f"not ({PAINTING})")
+    assert len(program.ask(REPAIRS)) == len(before) + 1
+    assert program.ask(REPAIRS)[-1][::3] == ["SAME", True]
+    program.screen.key("ctrl+z")
+    program.wait(f"{REPAIRS} == {before}")
+
+
 def picked(program: Program, place: tuple[float, float]) -> float:
     """Distance of the focus after a click."""
     program.ask(START.replace("paint_repair", "pick_focus"))
@@ -144,7 +162,7 @@ def test_ctrl_z_while_painting_takes_the_reference_back_and_nothing_else(program
     for _ in range(2):
         program.screen.key("ctrl+z")
         program.settle()
-    # The reference is asked for again: the next stroke paints nothing.
+    # The reference is asked for again: a stroke waits for it.
     x, y = GLOBE
     program.screen.drag(*(over(program, (x + across, y)) for across in (-0.02, 0.02)))
     program.settle()

@@ -76,15 +76,18 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
 
     def take_back(self) -> None:
         if not self._is_drawing:
-            self._reference, self._overlay.picked = None, []
+            self._reference, self._overlay.picked, self._overlay.line = None, [], []
             self._tell()
 
     def _tell(self) -> None:
         """Show what the next press of the mouse does."""
         brush = self._scene.virtual_aperture.repairs
         self._overlay.brush = brush.radius
-        if brush.kind == "SAME" and self._reference is None:
+        if self._overlay.line:
             self._say("Click where the depth is right", "ESC: Cancel")
+        elif brush.kind == "SAME" and self._reference is None:
+            keys = "Drag: Paint First    [ ]: Brush Size    ESC: Cancel"
+            self._say("Click where the depth is right, then paint over the mistake", keys)
         else:
             name = KINDS[brush.kind.lower()]
             self._say(f"Paint {name} over the mistake", "Drag: Paint    [ ]: Brush Size    ESC: Cancel")
@@ -103,32 +106,44 @@ class VIRTUAL_APERTURE_OT_paint_repair(PicksInView, bpy.types.Operator):  # noqa
             self._tell()
             return {"RUNNING_MODAL"}
         if event.type == "LEFTMOUSE" and is_press and self._view.holds(event):
-            self._press(event)
-            return {"RUNNING_MODAL"}
+            return self._press(context, event)
         if event.type == "MOUSEMOVE":
             self._hover(event)
         # The view may be moved, and another frame shown.
         return {"PASS_THROUGH"}
 
-    def _press(self, event: bpy.types.Event) -> None:
-        if (at := self._pressed_at(event)) is None:
-            return
-        if self._scene.virtual_aperture.repairs.kind == "SAME" and self._reference is None:
-            self._reference, self._overlay.picked = at, [at]
-            self._tell()
-        else:
+    def _press(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        at = self._pressed_at(event)
+        if at is not None and self._overlay.line:
+            self._reference = at
+            return self._finish(context)
+        if at is not None:
             self._is_drawing, self._overlay.line = True, [at]
+        return {"RUNNING_MODAL"}
 
     def _draw(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         # Events between two come where the window was busy.
         if event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "LEFTMOUSE"}:
             self._overlay.extend_line(self._view.place(self._scene, event))
         if event.type == "LEFTMOUSE" and event.value == "RELEASE":
-            self._end(context)
-            self.report({"INFO"}, self._keep(self._scene, tuple(self._overlay.line), self._reference))
-            return {"FINISHED"}
+            return self._released(context)
         self._view.area.tag_redraw()
         return {"RUNNING_MODAL"}
+
+    def _released(self, context: bpy.types.Context) -> Result:
+        """Take a stroke, or the click that gives Same as Here its reference; either may come first."""
+        self._is_drawing, line = False, self._overlay.line
+        if self._scene.virtual_aperture.repairs.kind != "SAME" or self._reference is not None:
+            return self._finish(context)
+        if len(line) == 1:
+            self._reference, self._overlay.picked, self._overlay.line = line[0], line, []
+        self._tell()
+        return {"RUNNING_MODAL"}
+
+    def _finish(self, context: bpy.types.Context) -> Result:
+        self._end(context)
+        self.report({"INFO"}, self._keep(self._scene, tuple(self._overlay.line), self._reference))
+        return {"FINISHED"}
 
 
 class VIRTUAL_APERTURE_OT_remove_repair(Edits, bpy.types.Operator):  # noqa: N801
