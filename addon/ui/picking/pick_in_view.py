@@ -138,7 +138,7 @@ class PicksInView(Acts):
         """Find no more."""
         if self._work is not None:
             self._work.cancel()
-            self._work = None
+            self._work, self._overlay.text = None, ""
             self._overlay.light_up(None)
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
