@@ -135,7 +135,8 @@ def strip_of(context: bpy.types.Context) -> Strip | None:
     # Regions may lie over the view; of four views each is a region of this type.
     others = (each for each in context.area.regions if each.type != "WINDOW")
     beside = [each for each in others if min(each.width, each.height) > 1]
-    low = max([0, *(r.x + r.width - region.x for r in beside if r.alignment == "LEFT")])
+    # Blender's panel of the last operation floats in the lower left corner.
+    low = max([0, *(r.x + r.width - region.x for r in beside if r.alignment in {"LEFT", "FLOAT"})])
     high = min([region.width, *(r.x - region.x for r in beside if r.alignment == "RIGHT")])
     bottom = max([0, *(r.y + r.height - region.y for r in beside if r.alignment == "BOTTOM")])
     return Strip.over(low, high, bottom, context.preferences.system.ui_scale, scene)
