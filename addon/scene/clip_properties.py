@@ -92,7 +92,7 @@ class ClipProperties:
     )
     mask: PointerProperty(
         type=bpy.types.Mask,
-        name="Mask",
+        name="Drawn Mask",
         description="Mask drawn around moving objects in the Image or Movie Clip Editor, feather included."
         " Tracks that drive its points are ignored",
     )

@@ -129,5 +129,5 @@ def test_a_first_focus_without_a_place_is_a_distance(scene: bpy.types.Scene, tmp
     footage = open_footage(planes.write_clip(tmp_path / "still", [walls.still(each) for each in FEW], FEW[0]))
     settings = build(scene, footage, walls.filmed(walls.still, FEW).reconstruction)
     focus_marks.put_first(settings, Place(Focus(distance=6.0), FEW[0], 6.0, "a fixed distance"))
-    assert solve.solved_words(scene, "Solved").startswith("Solved; focused on a fixed distance")
+    assert solve.solved_words(scene).startswith("Solved, and focused on a fixed distance")
     assert "In focus: a fixed distance" in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)

@@ -173,11 +173,7 @@ def test_panels_draw(
         getattr(getattr(bpy.ops, group), operator).poll()
 
 
-def advised(settings: Settings, _folder: Path) -> None:
-    settings.advice = "depth is not exact: keep the blur small, or film with more sideways movement"
-
-
-WARNED = (of_another_shape, moved, wrong, failed, unsure, advised, without("camera"), without("root"))
+WARNED = (of_another_shape, moved, wrong, failed, unsure, without("camera"), without("root"))
 
 
 @pytest.mark.parametrize("make", WARNED, ids=lambda make: make.__name__)
@@ -201,6 +197,14 @@ def test_a_warning_is_a_line_below_the_buttons(
     assert at == len(before.texts)
     (line,) = after.texts[at + 1 :]
     assert len(line) <= LONGEST and len(" ".join(details.texts)) > len(line)
+
+
+def test_advice_alone_stands_in_its_place(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path / "clip", LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    settings.advice = "depth is not exact: keep the blur small, or film with more sideways movement"
+    texts = draw(panels.main.VIRTUAL_APERTURE_PT_main).texts
+    assert "Details" not in texts and settings.advice.capitalize() in " ".join(texts)
 
 
 def test_the_clip_size_is_the_way_out_of_another_shape(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -168,7 +168,8 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
             row.active = mark.easing != "CUT"
             row.prop(mark, "pull")
         layout.prop(mark, "holds")
-    if hidden := [int(frame) for frame in group.unseen.split()]:
+    hidden = [int(frame) for frame in group.unseen.split()]
+    if hidden and not group.is_first:
         line = layout.row(align=True)
         line.label(text=f"Hidden in {counted(len(hidden), 'frame')}", icon="HIDE_ON")
         draw_jump(line, context, hidden)

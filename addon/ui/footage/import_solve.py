@@ -63,11 +63,11 @@ class Import(operators.Named):
             self.once_more(again=True)
             return {"CANCELLED"}
         depth_ahead.stop()
-        solve, refocus = build_scene(context.scene, footage, folder)
+        _, refocus = build_scene(context.scene, footage, folder)
         depth_ahead.begin_after_solve(folder)
         focus_on_person(self, context.scene)
         report_hidden(self, context.scene)
-        self.report({"INFO"}, f"{found.format}: {solved_words(context.scene, solve.summary)}")
+        self.report({"INFO"}, f"{found.format}: {solved_words(context.scene)}")
         for note in (*found.notes, *([refocus] if refocus else [])):
             self.report({"WARNING"}, note)
         return {"FINISHED"}

@@ -80,12 +80,12 @@ def kept_words(folder: Path) -> str:
     return f"{kind} of {made}: {registered}, {counted(quality.points, 'point')}"
 
 
-def solved_words(scene: bpy.types.Scene, summary: str) -> str:
-    """Return the result of a solve, and the focus, in one line."""
+def solved_words(scene: bpy.types.Scene) -> str:
+    """Return that a clip is solved, and the automatic focus, in one line; the figures are in the panel."""
     settings = scene.virtual_aperture
     if not settings.marks.is_first:
-        return summary
-    return f"{summary}; focused on {first_person.in_focus(settings)}. Pick Focus changes that"
+        return "Solved"
+    return f"Solved, and focused on {first_person.in_focus(settings)}. Pick Focus changes that"
 
 
 def focus_on_person(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
@@ -209,7 +209,7 @@ class Solves(Meanwhile):
         notes = solve.quality.notes if self._cameras is not None else []
         for each in (*notes, *([note] if note else [])):
             self.report({"WARNING"}, each)
-        self.report({"INFO"}, solved_words(scene, solve.summary))
+        self.report({"INFO"}, solved_words(scene))
         return {"FINISHED"}
 
 

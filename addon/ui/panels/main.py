@@ -113,7 +113,7 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     movie.draw(layout)
     depth_ahead.draw_progress(layout, settings)
     if searching := first_person.words():
-        layout.label(text=searching, icon="TIME")
+        wrapped(layout, context, searching, icon="TIME")
 
 
 def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -38,12 +38,20 @@ class Notice:
     icon: str = "INFO"
     draw_way_out: Callable[[bpy.types.UILayout], object] = lambda layout: None
     """Draws the operators or settings that help."""
+    is_advice: bool = False
+    """True for a sentence that no button helps with."""
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw a line for each notice, below the button that opens their details; nothing without a notice."""
+    """Draw a line for each notice, below the button that opens their details; nothing without a notice.
+
+    Advice alone is drawn in its place.
+    """
     found = tuple(notices(context))
     if not found:
+        return
+    if len(found) == 1 and found[0].is_advice:
+        wrapped(layout, context, found[0].lines[0], icon=found[0].icon)
         return
     column = layout.column(align=True)
     column.popover(VIRTUAL_APERTURE_PT_details.__name__, text="Details")
@@ -67,7 +75,7 @@ def notices(context: bpy.types.Context) -> Iterator[Notice]:
     if settings.marks.is_first and not Networks().exist:
         yield Notice("No people recognized", (sentence(MISSING),))
     if settings.advice:
-        yield Notice("Advice on the solve", (sentence(settings.advice),))
+        yield Notice("Advice on the solve", (sentence(settings.advice),), is_advice=True)
     if frame_notes.of(context.scene):
         yield Notice("Last render: notes", (), draw_way_out=lambda layout: report_list.draw(layout, context))
 
