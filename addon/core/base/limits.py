@@ -17,7 +17,7 @@ ONE_THREAD = {THREADS: "1", OPENCV_THREADS: "1", "LP_NUM_THREADS": "0"}
 time and save a twentieth of the time. With 0, Mesa's software renderer draws in the caller's thread: 4 % less
 processor time and 50 MB less."""
 MOST_KEPT_DEPTH = 8 << 30
-"""Default bytes: about an hour of video at 640x360, or twelve minutes of a phone's. Chosen by inspection."""
+"""Default bytes: about an hour of video at 640x360, or twelve minutes of a phone's."""
 
 
 def threads() -> int:

@@ -15,8 +15,8 @@ from ..base.errors import UserError
 from .intrinsics import Intrinsics
 
 MAX_PADDING = 0.5
-"""Share of the side that can be padded on either side at most, as strong barrel distortion sends corners to
-infinity. Chosen by inspection."""
+"""Share of the side that can be padded on either side at most: strong barrel distortion sends corners to
+infinity. A canvas has up to four times the picture's pixels."""
 STEPS = 33
 """Places from the principal point to each place of the border at which a lens is tested for folds."""
 KEPT_LENSES = 8

@@ -21,7 +21,7 @@ from .picture_file import Pixels
 NETWORK = ".onnx"
 """Ending of the files that are run."""
 LARGEST = 4096
-"""Pixels of a side that a network may ask for. Chosen by inspection: such a picture takes 200 MB."""
+"""Pixels of a side that a network may ask for: such a picture takes 200 MB."""
 
 
 @dataclass(frozen=True)

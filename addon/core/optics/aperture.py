@@ -28,9 +28,9 @@ LEAST_LIGHT = 1e-3
 MOST_LOST = 0.99
 """Largest share of light that apodisation removes at the rim; 1 would be a smaller aperture."""
 MOST_AXIAL = 0.5
-"""Largest share by which colours focus apart: at 1, red and blue focus at infinity. Chosen by inspection."""
+"""Largest share by which colours focus apart: at 1, red and blue focus at infinity."""
 MOST_BENT = 2.0
-"""Largest aberrations: discs in the corners are three times as long as wide. Chosen by inspection."""
+"""Largest aberrations: discs in the corners are three times as long as wide."""
 MOST_LATERAL = 0.05
 """Largest share by which red and blue pictures are larger or smaller. Chosen by inspection."""
 RED_AND_BLUE = [0, 2]

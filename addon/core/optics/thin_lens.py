@@ -24,12 +24,12 @@ from .zone import NO_ZONE, InFocusZone
 ACCEPTABLE = 1500
 """Picture diagonals per acceptable circle of confusion: the photographer's rule for depth of field."""
 MAX_BLUR = 16.0
-"""Picture diagonals; a larger disc dissolves its object. Chosen by inspection."""
+"""Picture diagonals; a larger disc dissolves its object."""
 MAX_RADIUS = 100.0
-"""Focus distances; with a larger radius the focal plane is nearly in the lens. Chosen by inspection."""
+"""Focus distances; with a larger radius the focal plane is nearly in the lens."""
 NEAREST_LINE = 2.0
 """Aperture radii, at which a tilted focal plane may come to the middle of the lens; at 1 it would touch the
-aperture, and blur discs there would have no end. Chosen by inspection."""
+aperture, and blur discs there would have no end."""
 LIFT = 2.0
 """Times the picture's half, up to which inverse depths without a plane's tilt are positive: meshes reach past
 the border. Chosen by inspection."""

@@ -32,7 +32,7 @@ SHARES = {
 }
 """Which part of the whole each stage is, from the times of the duck and the sample clip."""
 WIDTH, MOST = 480, 500
-"""Pixels across of a picture, and features in it. Chosen by inspection: enough to follow the work."""
+"""Pixels across of a picture, and features in it. They show the work and take no part in it."""
 EVERY = 0.5
 """Seconds between two pictures; a redraw takes 0.06 to 0.3 s in software OpenGL, beside the solve."""
 

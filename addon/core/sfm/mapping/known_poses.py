@@ -26,7 +26,7 @@ from ..tracking.tracks import Tracks
 PAIRS = 24
 """Pairs of frames that are looked at. Chosen by inspection."""
 MOST_SHARED = 200
-"""Tracks of a pair that are looked at. Chosen by inspection, for time."""
+"""Tracks of a pair that are looked at, for time."""
 LASTING = 0.5
 """Share of a frame's tracks that the other frame of a pair has, too, at least. Chosen by inspection."""
 GOOD = 0.3
@@ -46,7 +46,7 @@ inspection."""
 OVERLAP = 0.5
 """Share of the pairs, at least, that other frame numbers have poses for. Chosen by inspection."""
 LARGEST_OFFSET = 2000
-"""Frames of the farthest that is tried. Chosen by inspection, for time."""
+"""Frames of the farthest that is tried, for time."""
 SLACK = 3.0
 """Times what tracks miss in the median, a point's observation may be off, where that is more than
 `solution.LARGEST_ERROR`: poses of networks and of phones miss by more than a solve does. Chosen by
