@@ -135,7 +135,7 @@ def test_f_stops_are_shown_once_the_scale_is_given(scene: bpy.types.Scene, tmp_p
     # The stored number is a setting, the others are words.
     shown, amount = draw(main), {"blur_percent", "f_stop", "aperture_radius"}
     assert amount & set(shown.props) == {"blur_percent"} and "subject_metres" not in shown.props
-    assert f"Gives f/{settings.f_stop:.2g}" in shown.texts
+    assert f"Gives f/{settings.f_stop:.2g}, faster than any lens" in shown.texts
     assert settings.blur_percent == pytest.approx(100 * settings.blur) == 3.0
     radius = settings.aperture_radius
     by = bpy.ops.virtual_aperture.set_amount_by
@@ -147,6 +147,7 @@ def test_f_stops_are_shown_once_the_scale_is_given(scene: bpy.types.Scene, tmp_p
         assert settings.aperture_radius == pytest.approx(radius, rel=1e-6), "the picture stays"
     settings.f_stop = 2.0
     assert f"Gives background blur {settings.blur_percent:.3g} % here" in draw(main).texts
+    assert by(kind="BLUR") == {"FINISHED"} and "Gives f/2" in draw(main).texts
     settings.blur_percent = 2.0
     assert settings.blur == pytest.approx(0.02, abs=1e-4)
     assert "focus_length" in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props

@@ -16,6 +16,10 @@ KINDS = (
 )
 
 
+FASTEST = 0.5
+"""Least f-stop of a lens in air: light then comes from a whole half space."""
+
+
 class VIRTUAL_APERTURE_OT_set_amount_by(Edits, bpy.types.Operator):  # noqa: N801
     """Choose the number that stays when focus, frame and solve change. The picture stays"""
 
@@ -57,7 +61,9 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     lens_presets.VIRTUAL_APERTURE_PT_lens_presets.draw_panel_header(row)
     results = [] if kind == "BLUR" else [f"background blur {settings.blur_percent:.3g} % here"]
     if kind != "F_STOP" and scale.known_scale(settings) > 0:
-        results.append(f"f/{depth_of_field.f_stop(settings):.2g}" + " (guess)" * is_guess)
+        given = depth_of_field.f_stop(settings)
+        results.append(f"f/{given:.2g}" + " (guess)" * is_guess)
+        results += ["faster than any lens"] if given < FASTEST else []
     if results:
         wrapped(layout, context, f"Gives {', '.join(results)}")
 
