@@ -52,13 +52,16 @@ class Crowd(walls.Filmed):
     def parts(self) -> MovingParts:
         def cut(name: str, frame: int) -> Cut:
             known = Cut.known(walls.still(frame), standing(name, 5).astype(np.float32), 1.0)
-            return replace(known, share=standing(name, frame).astype(np.float32))
+            return replace(known, share=self.shows(name, frame).astype(np.float32))
 
         known = super().parts
         vars(known)["people"] = [
             ClipSubject(name, name, lambda frame, name=name: cut(name, frame)) for name in NAMES
         ]
         return known
+
+    def shows(self, name: str, frame: int) -> Mask:
+        return standing(name, frame)
 
     def subject_place(self, name: str, frame: int) -> Place:
         away = NAMES[name]
@@ -72,6 +75,19 @@ def test_the_nearest_subject_in_the_first_frame_that_shows_one_is_in_focus() -> 
     assert found is not None and found.distance == NAMES["near"]
     assert found.source == "the nearest person" and sorted(found.followed) == list(walls.FRAMES)
     assert found.xy == pytest.approx((90 / WIDTH, 80 / HEIGHT), abs=0.01)
+
+
+class Passed(Crowd):
+    """The camera passes the nearest person of the first frames."""
+
+    def shows(self, name: str, frame: int) -> Mask:
+        return standing(name, frame) & (name != "near" or frame < 8)
+
+
+def test_a_person_whom_the_camera_passes_is_not_in_focus() -> None:
+    clip = walls.filmed(walls.still)
+    found = nearest_subject(Passed(clip.reconstruction, clip.read), NONE)
+    assert found is not None and found.distance == NAMES["far"]
 
 
 class Coming(Crowd):

@@ -100,7 +100,7 @@ def test_people_give_a_scale_that_is_marked_as_a_guess(
     assert settings.guessed_scale == 0.5 and settings.metres_per_unit == 0
     assert settings.subject_metres == pytest.approx(2.0) and settings.blur == pytest.approx(blur, rel=1e-5)
     shown = draw(panels.main.VIRTUAL_APERTURE_PT_main)
-    assert any(text.startswith("Gives f/") and text.endswith("(guess)") for text in shown.texts)
+    assert any(text.startswith("Gives f/") and "(guess)" in text for text in shown.texts)
     assert {"virtual_aperture.set_amount_by", "virtual_aperture.set_scale"} <= set(shown.operators)
     # A given scale counts before the guess, and another solve forgets both.
     settings.metres_per_unit = 2.0
