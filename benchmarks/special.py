@@ -16,7 +16,6 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "drawn_masks": (ACCURACY, "subjects of real clips against hand-drawn masks (real data)"),
     "envelope": (ACCURACY, "error over CPU seconds of every quality and its rivals, depth given and counted"),
     "focus_distances": ("benchmarks.gallery", "distance of followed subjects of real clips (real data)"),
-    "grain": (ACCURACY, "noise given back where blur took it; --clip FILE: what is measured of a clip"),
     "lens": (ACCURACY, "effects of the lens against 4,096 views; --page: a frame under ten lenses"),
     "lamps": (ACCURACY, "bulbs, a street at night and paper lanterns, clean and coded"),
     "room": (ACCURACY, "depth of a real room against a sensor's (real data)"),
