@@ -16,7 +16,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "drawn_masks": (ACCURACY, "subjects of real clips against hand-drawn masks (real data)"),
     "envelope": (ACCURACY, "error over CPU seconds of every quality and its rivals, depth given and counted"),
     "focus_distances": ("benchmarks.gallery", "distance of followed subjects of real clips (real data)"),
-    "lens": (ACCURACY, "effects of the lens against 4,096 views; --page: a frame under ten lenses"),
+    "lens": (ACCURACY, "the pictures of docs/lens.md: a frame under ten lenses, and under each effect"),
     "lamps": (ACCURACY, "bulbs, a street at night and paper lanterns, clean and coded"),
     "room": (ACCURACY, "depth of a real room against a sensor's (real data)"),
     "subjects": (ACCURACY, "masks and depth of people and animals that walk"),
