@@ -10,17 +10,13 @@ import sys
 
 ACCURACY, TIMINGS, SOLVING = "benchmarks.accuracy", "benchmarks.timings", "benchmarks.solving"
 SPECIAL: dict[str, tuple[str, str]] = {
-    "completed": (ACCURACY, "a depth network's maps beside the clip's own depth, each alone and both"),
     "contact_sheet": (ACCURACY, "crops of the duck clip, as in the README (real data)"),
-    "dense_depth": (ACCURACY, "depth maps against the truth, and their speckles"),
     "drawn_masks": (ACCURACY, "subjects of real clips against hand-drawn masks (real data)"),
     "envelope": (ACCURACY, "error over CPU seconds of every quality and its rivals, depth given and counted"),
     "focus_distances": ("benchmarks.gallery", "distance of followed subjects of real clips (real data)"),
     "lens": (ACCURACY, "the pictures of docs/lens.md: a frame under ten lenses, and under each effect"),
     "lamps": (ACCURACY, "bulbs, a street at night and paper lanterns, clean and coded"),
-    "room": (ACCURACY, "depth of a real room against a sensor's (real data)"),
     "subjects": (ACCURACY, "masks and depth of people and animals that walk"),
-    "surfaces": (ACCURACY, "what fools stereo: cut by the border, slats that repeat, lacquer"),
     "first_frames": (TIMINGS, "a first frame by the length of its clip (real data)"),
     "frame_costs": (TIMINGS, "CPU seconds of a frame by stage, and its memory"),
     "gpu_sweep": (TIMINGS, "the plane sweep on the processor and on the GPU"),
