@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import sys
 
-ACCURACY, TIMINGS, SOLVING = "benchmarks.accuracy", "benchmarks.timings", "benchmarks.solving"
+ACCURACY, TIMINGS = "benchmarks.accuracy", "benchmarks.timings"
 SPECIAL: dict[str, tuple[str, str]] = {
     "contact_sheet": (ACCURACY, "crops of the duck clip, as in the README (real data)"),
     "drawn_masks": (ACCURACY, "subjects of real clips against hand-drawn masks (real data)"),
@@ -21,7 +21,6 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "real_costs": (TIMINGS, "real clips from command to written file; --profiles: by module (real data)"),
     "view_error": (TIMINGS, "error over the number of views"),
     "whole_runs": (TIMINGS, "a clip from command to written file"),
-    "real_clips": (SOLVING, "which real clips show depth, and by what margin (real data)"),
 }
 """By name, where its module lies and what it judges."""
 

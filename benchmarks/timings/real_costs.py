@@ -26,6 +26,7 @@ from addon.core.media.clip import open_footage
 
 from .. import store
 from ..coded import encode
+from ..gallery.clips import DATA
 from .whole_runs import HEADLESS, Run, a_frame, timed_process
 
 CLIPS = (
@@ -93,7 +94,7 @@ class RealClip:
 def opened(name: str, folder: Path, program: Path) -> RealClip | None:
     """The clip of a name in the real data, scaled if the name has a width; None if it is not there."""
     stored, _, width = name.partition("@")
-    file = Path(os.environ.get("VA_DATA", store.ROOT.parent / "shared" / "data")) / stored
+    file = DATA / stored
     if not file.exists():
         return None
     folder.mkdir()
