@@ -43,11 +43,6 @@ def disc_of(spread: np.ndarray) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def depth_with(disc: np.ndarray) -> np.ndarray:
-    """Depth that gives the signed discs with FOCAL, RADIUS and FOCUS."""
-    return np.asarray(1 / (1 / FOCUS + disc / (2 * RADIUS * FOCAL)))
-
-
 # Scatter
 
 

@@ -23,7 +23,7 @@ from benchmarks.accuracy.mask_metrics import outline_band
 from benchmarks.accuracy.scenes import Staged
 from sample_scenes import figure, filming, staging, truth
 from sample_scenes.shapes import box
-from sample_scenes.stage import Cameras, Floats, Prop, Stage
+from sample_scenes.stage import Cameras, Prop, Stage
 
 GREY = np.full((4, 4, 3), 0.5, np.float32)
 QUARTER = np.pi / 2
@@ -88,11 +88,6 @@ def test_motion_follows_a_part_that_turns(built: list[bpy.types.Scene]) -> None:
     # By hand: a point 0.5 m under the joint goes 0.2 + 0.5 sin 0.3 to the right at 16 pixels a metre.
     assert motion[18, 32, 0] == pytest.approx(16 * (0.2 + 0.5 * np.sin(0.3)), abs=0.35)
     np.testing.assert_allclose(motion[:, :20], 0, atol=1e-9)
-
-
-def world(prop: Prop, frame: int) -> Floats:
-    turn, place = prop.pose(frame)
-    return np.asarray(prop.shape.vertices @ turn.T + place)
 
 
 # Judged
