@@ -15,17 +15,17 @@ import shutil
 import sys
 import tempfile
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 
 from addon.core.media.clip import open_footage
 
 from .. import store
-from ..coded import encode
 from ..gallery.clips import DATA
 from .whole_runs import HEADLESS, Run, a_frame, timed_process
 
@@ -105,12 +105,22 @@ def opened(name: str, folder: Path, program: Path) -> RealClip | None:
 
 
 def scaled(file: Path, out: Path, width: int) -> Path:
-    """The first frames of a clip, scaled to a width by cubic interpolation."""
+    """The first frames of a clip as H.264, scaled to a width by cubic interpolation."""
     clip = open_footage(file)
     size = width, 2 * round(clip.height * width / clip.width / 2)
-    frames = (clip.read(frame)[..., :3] for frame in clip.frames[:SCALED_FRAMES])
-    large = (cv2.resize(frame, size, interpolation=cv2.INTER_CUBIC) for frame in frames)
-    return encode((np.asarray(frame, np.uint8) for frame in large), out, crf=16)
+    with av.open(str(out), "w") as written:
+        stream = written.add_stream("libx264", rate=24, options={"crf": "16"})
+        (stream.width, stream.height), stream.pix_fmt = size, "yuv420p"
+        # BT.709, as cameras say it.
+        context = stream.codec_context
+        context.colorspace = context.color_primaries = context.color_trc = context.color_range = 1
+        for frame in clip.frames[:SCALED_FRAMES]:
+            large = cv2.resize(clip.read(frame)[..., :3], size, interpolation=cv2.INTER_CUBIC)
+            picture = av.VideoFrame.from_ndarray(np.asarray(large, np.uint8), "rgb24")
+            coded = picture.reformat(format="yuv420p", dst_colorspace=1, dst_color_range=1)
+            written.mux(stream.encode(coded))
+        written.mux(stream.encode())
+    return out
 
 
 def rows(clip: RealClip, profiles: Path | None) -> Iterator[str]:
@@ -188,22 +198,6 @@ def _module(file: str) -> str:
     return name.removesuffix(".py") if found else ""
 
 
-def print_rows(
-    heads: str, names: Sequence[str], program: Path, rows: Callable[[str, RealClip], Iterator[str]]
-) -> None:
-    """Print a table with the rows of each clip by its name; clips that are not there are named."""
-    print(heads, "|" + "---|" * (heads.count("|") - 1), sep="\n", flush=True)
-    with tempfile.TemporaryDirectory(prefix="virtual-aperture-bench-") as folder:
-        for number, name in enumerate(names):
-            clip = opened(name, Path(folder) / str(number), program.absolute())
-            if clip is None:
-                print(f"not there: {name}", file=sys.stderr)
-                continue
-            for line in rows(name, clip):
-                print(line, flush=True)
-            shutil.rmtree(clip.folder)
-
-
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -212,7 +206,16 @@ def main() -> None:
     parser.add_argument("--program", type=Path, default=HEADLESS, help="addon/headless.py of a checkout")
     options = parser.parse_args()
     print(f"blur {BLUR:g}, {os.cpu_count()} processors, {store.provenance()}")
-    print_rows(HEADS, options.clips, options.program, lambda _, clip: rows(clip, options.profiles))
+    print(HEADS, "|" + "---|" * (HEADS.count("|") - 1), sep="\n", flush=True)
+    with tempfile.TemporaryDirectory(prefix="virtual-aperture-bench-") as folder:
+        for number, name in enumerate(options.clips):
+            clip = opened(name, Path(folder) / str(number), options.program.absolute())
+            if clip is None:
+                print(f"not there: {name}", file=sys.stderr)
+                continue
+            for line in rows(clip, options.profiles):
+                print(line, flush=True)
+            shutil.rmtree(clip.folder)
 
 
 if __name__ == "__main__":
