@@ -188,18 +188,3 @@ def test_an_assumed_focal_length_excuses_its_own_error() -> None:
     assert motions.verdict(motion, "unknown", "", off, claims) == "right"
     assert motions.verdict(motion, "known", "", off, claims) == "lengths"
     assert motions.verdict(motion, "unknown", "", replace(off, lengths=40.0), claims) == "lengths"
-
-
-# The clips
-
-
-def test_what_makes_the_motions() -> None:
-    jitter, planar = scenes.jitter(), scenes.planar()
-    centres = jitter.cameras.centres
-    assert 0.003 < np.sqrt(((centres - centres.mean(axis=0)) ** 2).sum(axis=1).mean()) < 0.010
-    top = max(thing.shape.vertices[:, 1].max() for thing in planar.stage.things if thing.name != "wall")
-    relief = top - min(thing.shape.vertices[:, 1].min() for thing in planar.stage.things)
-    assert 0 < relief <= 0.061
-    for motion in (jitter, planar, SOLVABLE):
-        assert len(motion.cameras) == len(motion.focals) == scenes.FRAMES
-        assert motion.has_one_focal
