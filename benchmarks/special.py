@@ -13,7 +13,6 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "contact_sheet": (ACCURACY, "crops of the duck clip, as in the README (real data)"),
     "drawn_masks": (ACCURACY, "subjects of real clips against hand-drawn masks (real data)"),
     "envelope": (ACCURACY, "error over CPU seconds of every quality and its rivals, depth given and counted"),
-    "focus_distances": ("benchmarks.gallery", "distance of followed subjects of real clips (real data)"),
     "lens": (ACCURACY, "the pictures of docs/lens.md: a frame under ten lenses, and under each effect"),
     "subjects": (ACCURACY, "masks and depth of people and animals that walk"),
     "frame_costs": (TIMINGS, "CPU seconds of a frame by stage, and its memory"),
