@@ -8,28 +8,20 @@ from __future__ import annotations
 import importlib
 import sys
 
-ACCURACY, TIMINGS, SOLVING = "benchmarks.accuracy", "benchmarks.timings", "benchmarks.solving"
+ACCURACY, TIMINGS = "benchmarks.accuracy", "benchmarks.timings"
 SPECIAL: dict[str, tuple[str, str]] = {
-    "completed": (ACCURACY, "a depth network's maps beside the clip's own depth, each alone and both"),
     "contact_sheet": (ACCURACY, "crops of the duck clip, as in the README (real data)"),
-    "dense_depth": (ACCURACY, "depth maps against the truth, and their speckles"),
     "drawn_masks": (ACCURACY, "subjects of real clips against hand-drawn masks (real data)"),
     "envelope": (ACCURACY, "error over CPU seconds of every quality and its rivals, depth given and counted"),
-    "focus_distances": ("benchmarks.gallery", "distance of followed subjects of real clips (real data)"),
-    "grain": (ACCURACY, "noise given back where blur took it; --clip FILE: what is measured of a clip"),
-    "lens": (ACCURACY, "effects of the lens against 4,096 views; --page: a frame under ten lenses"),
     "keep_rule": (ACCURACY, "what a constant or a pass of the core is worth, in dB"),
-    "lamps": (ACCURACY, "bulbs, a street at night and paper lanterns, clean and coded"),
-    "room": (ACCURACY, "depth of a real room against a sensor's (real data)"),
+    "lens": (ACCURACY, "the pictures of docs/lens.md: a frame under ten lenses, and under each effect"),
     "subjects": (ACCURACY, "masks and depth of people and animals that walk"),
-    "surfaces": (ACCURACY, "what fools stereo: cut by the border, slats that repeat, lacquer"),
     "first_frames": (TIMINGS, "a first frame by the length of its clip (real data)"),
     "frame_costs": (TIMINGS, "CPU seconds of a frame by stage, and its memory"),
     "gpu_sweep": (TIMINGS, "the plane sweep on the processor and on the GPU"),
     "real_costs": (TIMINGS, "real clips from command to written file; --profiles: by module (real data)"),
     "view_error": (TIMINGS, "error over the number of views"),
     "whole_runs": (TIMINGS, "a clip from command to written file"),
-    "real_clips": (SOLVING, "which real clips show depth, and by what margin (real data)"),
 }
 """By name, where its module lies and what it judges."""
 

@@ -7,7 +7,6 @@ the scene through them: each row is a place, its first column the source's crop 
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -24,6 +23,7 @@ from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import Solve, load_solve
 
 from .. import store
+from ..gallery.clips import DATA
 from ..picked import pick
 
 Pixels = NDArray[np.uint8]
@@ -37,17 +37,12 @@ SIZE = 170
 OUT = store.ROOT / "docs" / "duck_crops.jpg"
 
 
-def data_folder() -> Path:
-    """Where the real test data lies, if it does."""
-    return Path(os.environ.get("VA_DATA", store.ROOT.parent / "shared" / "data"))
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--step", type=int, default=13, help="frames between two that are rendered")
     parser.add_argument("--out", type=Path, default=OUT)
     arguments = parser.parse_args()
-    clip = data_folder() / "duck" / "demo.mp4"
+    clip = DATA / "duck" / "demo.mp4"
     if not clip.exists():
         raise SystemExit(f"{clip} is missing (set VA_DATA to the folder that holds the test data)")
     solve = solved(clip)

@@ -28,7 +28,7 @@ from addon.core.subjects.strokes import Stroke, down
 
 from .. import store
 from ..cost import cpu_seconds
-from ..solving.real_clips import DATA
+from ..gallery.clips import DATA
 from .mask_metrics import Mask, boundary_f, iou
 
 CORNERS = {"stroke": 5, "click": 1}

@@ -6,17 +6,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache, partial
 
-import cv2
 import numpy as np
 
 from addon.core.base.arrays import Floats, LinearRGBA
 from addon.core.camera.reconstruction import (
     Image,
     Reconstruction,
-    matrix_from_quaternion,
     normalise,
-    rotation_matrix,
-    rotation_vector,
 )
 from addon.core.focus.focus import Focus
 
@@ -52,12 +48,10 @@ from .runs import (
     spoilt,
 )
 
-AXIS = np.array([2.0, -3.0, 6.0]) / 7
-
 
 def cases() -> list[Case]:
     """All cases; names are unique."""
-    groups = (_scales, _depths, _poses, _focal_planes, _features, _rotations, _frames)
+    groups = (_scales, _depths, _poses, _focal_planes, _features, _frames)
     return [case for group in groups for case in group()] + list(lens_cases.cases())
 
 
@@ -232,48 +226,6 @@ def _features() -> Iterator[Case]:
             ("thesis", "plane, float64 renderer"),
         ):
             yield Case(f"{name}, {method}", run, partial(_placed, xy, method), expected)
-
-
-def _turned(angle: float, axis: Floats) -> list[Measure]:
-    matrix = cv2.Rodrigues(angle * axis)[0]
-    errors = [rotation_matrix(rotation_vector(matrix)) - matrix, rotation_matrix(angle * axis) - matrix]
-    return [Measure(float(np.abs(errors).max()), "rad", 1e-12)]
-
-
-def _quaternion(length: float) -> list[Measure]:
-    quaternion = length * np.array([np.cos(0.4), *(np.sin(0.4) * AXIS)])
-    error = np.abs(matrix_from_quaternion(quaternion) - cv2.Rodrigues(0.8 * AXIS)[0]).max()
-    return [Measure(float(error), "rad", 1e-12)]
-
-
-def _halfway(angle: float) -> list[Measure]:
-    """Between two rotations: a rotation, as far from the one as from the other."""
-    rec = shot(frames=(1, 3))
-    last = replace(rec.images[1], rotation=cv2.Rodrigues(angle * AXIS)[0] @ rec.images[0].rotation)
-    rec = replace(rec, images=(rec.images[0], last))
-    middle = rec.image_at(2)[0].rotation
-    skew = np.abs(middle @ middle.T - np.eye(3)).max()
-    # The norm of R - 1 is 2 sqrt(2) sin(angle / 2), exact at small angles, where the trace is not.
-    chords = [np.linalg.norm(middle @ i.rotation.T - np.eye(3)) / np.sqrt(8) for i in rec.images]
-    turns = 2 * np.arcsin(np.minimum(chords, 1))
-    return [Measure(float(max(skew, np.abs(turns - angle / 2).max())), "rad", 1e-12)]
-
-
-def _rotations() -> Iterator[Case]:
-    axes = {"x": np.eye(3)[0], "z": np.eye(3)[2], "an oblique axis": AXIS}
-    angles = {
-        "0": 0.0, "1e-300": 1e-300, "1e-9": 1e-9, "1": 1.0,
-        "pi - 1e-9": np.pi - 1e-9, "pi - 1 ulp": float(np.nextafter(np.pi, 0)), "pi": np.pi,
-    }  # fmt: skip
-    for text, angle in angles.items():
-        for name, axis in axes.items():
-            yield Case(f"angle {text} about {name}", "to a vector and back", partial(_turned, angle, axis))
-        yield Case(f"halfway over an angle of {text}", "image_at", partial(_halfway, angle))
-    # Numbers below 1e-308 have fewer digits.
-    for length in (1e-307, 1e-200, 1e-9, 1e200, 1e308):
-        yield Case(f"quaternion of length {length:g}", "its matrix", partial(_quaternion, length))
-    for length in (0.0, np.nan, np.inf):
-        yield Case(f"quaternion of length {length:g}", "its matrix", partial(_quaternion, length), "refused")
 
 
 def _carried(frames: tuple[int, ...], frame: int) -> list[Measure]:

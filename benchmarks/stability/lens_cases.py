@@ -1,10 +1,9 @@
-"""Hard cases of the lens: aperture, focus, picture sizes, precision, distortion, Cycles."""
+"""Hard cases of the lens: aperture, focus, picture sizes, precision, distortion."""
 
 from __future__ import annotations
 
 import itertools
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +16,6 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.render.views import gpu_views
-from sample_scenes import cycles_views
 
 from .__main__ import Case, Measure
 from .reference import (
@@ -25,7 +23,6 @@ from .reference import (
     LENS,
     NEAR,
     SCENE_SIZE,
-    Plan,
     displacement_error,
     map_picture,
     moved,
@@ -34,7 +31,6 @@ from .reference import (
     plane_picture,
     plane_places,
     psnr,
-    rendered,
     shot,
 )
 from .runs import (
@@ -59,7 +55,7 @@ from .runs import (
 def cases() -> Iterator[Case]:
     """The cases of this module."""
     groups = (
-        _triangles, _apertures, _focuses, _wide_frames, _precision, _distortions, _cycles,
+        _triangles, _apertures, _focuses, _wide_frames, _precision, _distortions,
     )  # fmt: skip
     for group in groups:
         yield from group()
@@ -174,24 +170,6 @@ def _free_memory() -> float:
         return float("inf")
 
 
-def _short_of_memory() -> list[Measure]:
-    """A picture for which there is no room any more: the address space is closed for a while."""
-    import resource
-
-    lens = _wide_lens(1000, 4000)
-    plan, picture = planned(shot(lens, DEPTH), Focus(distance=FOCUS), radius=0.2), map_picture(4000, 1000)
-    draw(planned(shot()))
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    before = resource.getrlimit(resource.RLIMIT_AS)
-    room = pages * resource.getpagesize() + picture.nbytes // 2
-    resource.setrlimit(resource.RLIMIT_AS, (room, before[1]))
-    try:
-        gpu_views.mean_of_views(*plan.painted(picture))
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, before)
-    return []
-
-
 def _wide_frames() -> Iterator[Case]:
     run = "float32 vertices against float64, 3000 features"
     yield Case(f"{WIDE}x9000", run, _planned_wide)
@@ -205,8 +183,6 @@ def _wide_frames() -> Iterator[Case]:
         yield Case(f"{name}, slanted plane", "16 views, closed form", check, cheap=cheap, seconds=180)
     lens = _wide_lens(16, 10**5)
     yield Case("100000x16", "draw", partial(_aperture, 1e-3, 1, lens), "refused")
-    if sys.platform == "linux":
-        yield Case("memory for half a picture", "draw 4000x1000", _short_of_memory, "refused", cheap=False)
 
 
 def _middle(blur: float) -> list[Measure]:
@@ -309,26 +285,3 @@ def _distortions() -> Iterator[Case]:
     for k1 in (-1.0, -0.5, 0.5):
         check = partial(_inverted, replace(LENS, k1=k1))
         yield Case(f"k1 {k1:g}, rays past the fold", "undistort", check)
-
-
-def _by_cycles(make: Callable[[], Plan]) -> list[Measure]:
-    plan = make()
-    picture = map_picture(*SIZE)
-    mean = cycles_views.mean_of_views(*plan.painted(picture))
-    return [decibels(psnr(mean, rendered(plan, picture)), 45)]
-
-
-def _cycles() -> Iterator[Case]:
-    makes: dict[str, Callable[[], Plan]] = {
-        f"scale {scale:g}": partial(lambda s: planned(moved(shot(), s, 0.0), views=4), scale)
-        for scale in (1e-6, 1.0, 1e6)
-    }
-    makes |= {
-        "focus at infinity": lambda: planned(shot(), Focus(distance=np.inf), radius=0.3, views=4),
-        "aperture as wide as the scene": lambda: planned(shot(), radius=SCENE_SIZE, views=4),
-        "some depths 0.1": lambda: planned(shot(depth=spoilt(0.1), frames=(1,)), radius=0.3, views=4),
-        "some depths 1e300": lambda: planned(shot(depth=spoilt(1e300), frames=(1,)), radius=0.3, views=4),
-        "aperture radius 1e-300": lambda: planned(shot(), radius=1e-300, views=4),
-    }
-    for name, make in makes.items():
-        yield Case(f"Cycles, {name}", "4 views, float64 renderer", partial(_by_cycles, make), cheap=False)

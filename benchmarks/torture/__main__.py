@@ -94,8 +94,7 @@ def table(entries: Iterable[dict[str, Any]]) -> str:
         "", "Lost: something of the user's, or a finished frame, changed or gone, or the next run fails.",
         "Crash: ended by a signal that nobody sent, or by an error that is not one readable line.",
         "Leftover: files or processes that are there after the next run.",
-        "Wrong success: status 0, and not the pictures of the reference.",
-        "Pictures of 16,384 x 9,216 are more than software OpenGL holds, whatever the memory.", "",
+        "Wrong success: status 0, and not the pictures of the reference.", "",
     ]  # fmt: skip
     return "\n".join(lines + notes)
 

@@ -93,13 +93,12 @@ class Try:
         self,
         *arguments: object,
         limits: Callable[[], None] | None = None,
-        script: Path = HEADLESS,
         before: Sequence[str] = (),
         environment: Mapping[str, str] = MappingProxyType({}),
     ) -> subprocess.Popen[str]:
         """Start the command line, the leader of a group of its own; `before` are words before its own."""
         return subprocess.Popen(
-            [*before, sys.executable, str(script), *map(str, arguments)],
+            [*before, sys.executable, str(HEADLESS), *map(str, arguments)],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", cwd=self.folder,
             start_new_session=True, preexec_fn=limits,
             env=os.environ | {"TMPDIR": str(self.temporary), "PYTHONUNBUFFERED": "1",
@@ -180,7 +179,7 @@ class Bench:
         self.folder = folder
         self.clip, self.work = folder / "clip" / "clip.mp4", folder / "work"
         self.masks, self.depth, self.floats = (folder / name for name in ("masks", "depth", "floats"))
-        self.floats_rendered, self.saved = folder / "floats_rendered", folder / "shot" / "a.blend"
+        self.floats_rendered = folder / "floats_rendered"
         self.walk, self.walk_work = folder / "walk", folder / "walk_work"
         self._counted = 0
         done = folder / "done"
@@ -212,7 +211,6 @@ class Bench:
         runs.append(one.run("render", self.work, *DENSE, "--mask", self.masks, "--out", masked))
         work = clip.solve(self.floats, self.folder / "floats_work")
         runs.append(one.run("render", work, *LENS, "--out", self.floats_rendered / "####.png"))
-        runs.append(one.run("save", self.work, *LENS, "--blend", self.saved))
         began = time.monotonic()
         runs.append(one.run("solve", self.walk, "--work", self.walk_work))
         (self.folder / "solve_seconds").write_text(str(time.monotonic() - began))

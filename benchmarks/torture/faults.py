@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from . import disks, kills, mutations, races, sizes
+from . import disks, kills, mutations, races
 from .bench import Try
 
 MANY = 1_000_000
@@ -26,7 +26,6 @@ FAULTS = {
     "frames": Fault("ended while it renders a sequence (KILL, TERM, INT)", kills.frames),
     "movie": Fault("ended while it renders a movie", kills.movie),
     "overwriting": Fault("ended while it replaces frames of another lens", kills.overwriting),
-    "switching": Fault("ended, and then rendered with another lens", kills.switching),
     "jobs": Fault("one of several processes ended, or all of them", kills.jobs),
     "saving": Fault("ended while it saves and packs", kills.saving),
     "solving": Fault("ended while it solves, or solves again", kills.solving),
@@ -36,7 +35,6 @@ FAULTS = {
     "no-space-for-depth": Fault("no space, or too low a limit, for depth that is kept", disks.keeping_depth),
     "same-frames": Fault("two processes render one sequence", races.same_frames),
     "other-frames": Fault("two processes, one sequence, two lenses", races.other_frames),
-    "same-movie": Fault("two processes render one movie", races.same_movie),
     "other-movie": Fault("two processes, one movie, two lenses", races.other_movie),
     "two-solves": Fault("two solves go into one folder", races.solves),
     "another-container": Fault("a container looks into folders at work", races.another_container),
@@ -48,10 +46,6 @@ FAULTS = {
     "masks": Fault("a mask is damaged or repainted", mutations.masks),
     "depth": Fault("a depth map is damaged or repainted", mutations.depth),
     "kept-depth": Fault("depth that an earlier run kept is damaged", mutations.kept_depth),
-    "report": Fault("the file of reports is damaged", mutations.report),
-    "blend": Fault("a property of a .blend is damaged", mutations.blend),
     "not-finite": Fault("NaN and infinite pixels", mutations.not_finite),
-    "wide": Fault("pictures of 16,384 x 96", sizes.wide, 10),
-    "large": Fault("pictures of 16,384 x 9,216", sizes.large, 6),
-    "long": Fault("2,000 frames, ended six times", sizes.long, 3),
+    "long": Fault("2,000 frames, ended six times", kills.long, 3),
 }

@@ -9,12 +9,15 @@ import subprocess
 import time
 from pathlib import Path
 
-from .bench import LENS, OTHER, Run, Try, contents
+from . import clip
+from .bench import LENS, Run, Try, contents
 
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 STATUS = {signal.SIGTERM: 143, signal.SIGINT: 130}
 GRACE = 15.0
 """Seconds after which processes must be gone whose parent was killed."""
+LONG = 2000
+"""Frames of a long clip."""
 
 
 def interrupt(one: Try, process: subprocess.Popen[str], seconds: float, number: signal.Signals) -> Run:
@@ -111,15 +114,6 @@ def saving(one: Try) -> None:
     one.look_for_leftovers({"a.blend", "a.zip", "clip.mp4"}, set(contents(blend.parent)))
 
 
-def switching(one: Try) -> None:
-    """A movie of another lens over one that was interrupted."""
-    out = one.folder / "out" / "a.mp4"
-    interrupt(one, one.start("render", one.bench.work, *OTHER, "--out", out), moment(one), signal.SIGKILL)
-    words = ("render", one.bench.work, *LENS, "--out", out, "--overwrite")
-    interrupt(one, one.start(*words), moment(one), one.dice.choice(SIGNALS))
-    one.expect({"a.mp4": one.bench.movie}, out, one.run(*words))
-
-
 def solving(one: Try) -> None:
     """A solve, into an empty folder or in place of another: the next one gives the same model, to the bit."""
     work = one.folder / "work"
@@ -139,6 +133,25 @@ def solving(one: Try) -> None:
     if bad := sorted(name for name in expected if there.get(name) != expected[name]):
         one.verdict.add("wrong", f"{bad} differ from the reference")
     one.look_for_leftovers({"solve.json", *(f"model/{name}" for name in expected)}, set(contents(work)))
+
+
+def long(one: Try) -> None:
+    """Two thousand frames, interrupted many times."""
+    # Minutes on an idle machine.
+    one.patience = 1800
+    pictures = clip.write_pictures(one.folder / "clip", LONG)
+    work = clip.solve(pictures, one.folder / "work")
+    whole = one.folder / "whole" / "####.png"
+    words = ("render", work, *LENS, "--out")
+    began = one.run(*words, whole)
+    if began.status:
+        one.verdict.add("lost", began.said[-300:])
+        return
+    out = one.folder / "out" / "####.png"
+    for _ in range(6):
+        number: signal.Signals = one.dice.choice(SIGNALS)
+        interrupt(one, one.start(*words, out), one.dice.uniform(0.1, 0.3) * began.seconds, number)
+    one.expect(contents(whole.parent), out, one.run(*words, out))
 
 
 def _children(process: int) -> list[int]:

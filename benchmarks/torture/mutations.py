@@ -121,42 +121,6 @@ def kept_depth(one: Try) -> None:
     one.expect(contents(first), again / "####.png", one.run(*words, again / "####.png"))
 
 
-def report(one: Try) -> None:
-    """The file of reports of an earlier run."""
-    out, path = one.folder / "out" / "####.png", one.folder / "report.json"
-    words = ("render", one.bench.work, *LENS, "--frames", FEW, "--out", out, "--report", path)
-    one.run(*words)
-    path.write_bytes(mutate(one.dice, path.read_bytes()))
-    one.run(*words)
-    run = one.run(*words, "--overwrite")
-    if run.status:
-        one.verdict.add("lost", run.said[-300:])
-
-
-PROPERTIES = (
-    "footage", "work_dir", "depth_maps", "masks", "clip_identity", "clip_name", "method",
-    "focus_distance", "blur", "aperture_radius", "views", "seed", "clip_first", "clip_last",
-    "borrow", "points", "camera", "root", "aperture", "render", "mesh",
-)  # fmt: skip
-
-
-def blend(one: Try) -> None:
-    """A property of a .blend: refused, or a picture that is one."""
-    saved = one.folder / "shot" / "a.blend"
-    shutil.copytree(one.bench.saved.parent, saved.parent)
-    name, seed = one.dice.choice(PROPERTIES), one.dice.randrange(1 << 30)
-    script = Path(__file__).with_name("damaged_blend.py")
-    run = one.end(one.start(saved, name, seed, script=script))
-    pictures = [path for path in sorted(saved.parent.rglob("*.png")) if "clip" not in path.parts]
-    for path in pictures:
-        picture = cv2.imread(str(path))
-        if picture is None or picture.std() < 2:
-            one.verdict.add("wrong", f"{name}: {path.name} shows nothing: {run.said[-300:]}")
-            return
-    if run.status == 0 and not pictures:
-        one.verdict.add("wrong", f"{name}: status 0 and no picture: {run.said[-300:]}")
-
-
 def not_finite(one: Try) -> None:
     """NaN and infinities in the pixels of a float clip: only what is beside them may differ."""
     spoilt = one.folder / "clip"

@@ -33,16 +33,6 @@ def other_frames(one: Try) -> None:
     one.expect(one.bench.frames, out, one.run(*words[0]))
 
 
-def same_movie(one: Try) -> None:
-    """One movie by two processes."""
-    out = one.folder / "out" / "a.mp4"
-    words = ("render", one.bench.work, *LENS, "--out", out)
-    _two(one, words, words)
-    if out.exists() and out.read_bytes() != one.bench.movie:
-        one.verdict.add("wrong", "the movie is neither's")
-    one.expect({"a.mp4": one.bench.movie}, out, one.run(*words, "--overwrite"))
-
-
 def other_movie(one: Try) -> None:
     """One movie by two processes with other lenses: it is one of the two, and the last that wrote it."""
     out = one.folder / "out" / "a.mp4"

@@ -21,10 +21,9 @@ from benchmarks.thesis import edges, views
 from benchmarks.thesis import marks as draw
 from benchmarks.thesis.clips import Clip
 from sample_scenes.shapes import Shape
-from sample_scenes.stage import Cameras, Prop, Stage
+from sample_scenes.stage import Cameras, Edge, Prop, Stage
 
 from .. import planes
-from .stills import edge, noise
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +55,8 @@ class Planes(Clip):
         cameras = Cameras(
             *planes.SIZE, planes.FOCAL, rotation, -np.einsum("nij,nj->ni", rotation, self.centres)
         )
-        edges = tuple(edge(name, *(CORNERS[end] for end in name)) for name in ("AB", "BC", "CD", "DE", "CF"))
+        names = "AB", "BC", "CD", "DE", "CF"
+        edges = tuple(Edge(name, np.array([CORNERS[end] for end in name])) for name in names)
         corners = Shape(np.array(list(CORNERS.values())), np.zeros((0, 4), np.int32), np.zeros((0, 4, 2)))
         thing = Prop("card", corners, np.zeros((1, 1, 3), np.float32))
         return Stage("planes", "", cameras, (thing,), np.tile([-1.5, 0.0, 6.0], (FRAMES, 1)), edges=edges)
@@ -176,7 +176,8 @@ def test_every_figure_of_the_project_is_kept_under_its_name() -> None:
 
 
 def made(name: str, table: str = "") -> draw.Figure:
-    return draw.Figure(f"{name}.png", noise(20, 30), f"Shows {name}.", f"Figure {name}", f"{name}: 1.", table)
+    picture = np.zeros((20, 30, 3), np.uint8)
+    return draw.Figure(f"{name}.png", picture, f"Shows {name}.", f"Figure {name}", f"{name}: 1.", table)
 
 
 def test_the_readme_holds_every_figure() -> None:

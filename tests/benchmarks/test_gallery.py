@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.gallery import __main__ as gallery
 from benchmarks.gallery import clips, commands, metrics, scores, sheet, stages, table
 from benchmarks.gallery.commands import Ended
 from benchmarks.gallery.scores import Row
@@ -48,12 +46,6 @@ def refocused(picture: metrics.Pixels, subject: metrics.Mask) -> metrics.Pixels:
     return np.where(subject[..., None], picture, smooth(picture))
 
 
-def test_a_picture_keeps_all_of_its_own_detail(source: metrics.Pixels, subject: metrics.Mask) -> None:
-    found = metrics.detail(source, source, subject)
-    assert found.subject == pytest.approx(1) and found.elsewhere == pytest.approx(1)
-    assert found.tiles_lost == 0
-
-
 def test_a_sharp_subject_before_a_blurred_background(source: metrics.Pixels, subject: metrics.Mask) -> None:
     found = metrics.detail(source, refocused(source, subject), subject)
     assert found.subject > 0.95 and found.tiles_lost == 0
@@ -88,12 +80,6 @@ def test_noise_is_measured_where_it_is_flat_and_blurred(
     assert found.ratio == pytest.approx(6 / np.hypot(2, metrics.DITHER), rel=0.15)
 
 
-def test_a_sharp_picture_has_no_noise_in_blurred_places(
-    source: metrics.Pixels, subject: metrics.Mask
-) -> None:
-    assert np.isnan(metrics.noise(source, source, subject).result)
-
-
 def test_flicker_is_that_of_the_results_over_the_sources(
     source: metrics.Pixels, subject: metrics.Mask
 ) -> None:
@@ -105,28 +91,6 @@ def test_flicker_is_that_of_the_results_over_the_sources(
     assert metrics.flicker(sources, calm, subjects) == pytest.approx(1, abs=0.1)
     assert metrics.flicker(sources, restless, subjects) == pytest.approx(3, abs=0.3)
     assert np.isnan(metrics.flicker(sources, sources, subjects))
-
-
-def test_what_moves_with_the_picture_does_not_flicker(source: metrics.Pixels, subject: metrics.Mask) -> None:
-    moved = [np.roll(source, 3 * n, axis=0) for n in range(3)]
-    brighter = [np.asarray(each + np.uint8(2 * (n % 2))) for n, each in enumerate(moved)]
-    results = [smooth(each) for each in brighter]
-    assert metrics.flicker(brighter, results, [subject] * 3) == pytest.approx(1, abs=0.2)
-
-
-def test_parts_of_a_matte_that_touch_the_subject(subject: metrics.Mask) -> None:
-    matte = np.zeros(SIZE, bool)
-    matte[100:200, 150:300] = True
-    other = np.zeros(SIZE, bool)
-    other[400:, 500:] = True
-    assert np.array_equal(metrics.touching(matte | other, subject), matte)
-    assert not metrics.touching(other, subject).any()
-
-
-def test_an_outline_covers_its_share_of_the_picture() -> None:
-    found = clips.polygon(clips.corners("10,20 50,20 50,60 10,60"), (200, 100))
-    assert found.shape == (100, 200) and found.mean() == pytest.approx(0.16, abs=0.02)
-    assert found[40, 60] and not found[80, 60]
 
 
 def test_every_clip_has_a_click_and_a_name_of_its_own() -> None:
@@ -154,13 +118,6 @@ def test_every_frame_of_a_row_has_its_subject(data: Path) -> None:
             is_drawn = frame in clips.OUTLINES.get(clip.name, {})
             assert is_drawn or clip.drawn_mask(frame) is not None, (clip.name, frame)
             assert 0.005 < clip.subject(frame).mean() < 0.3, (clip.name, frame)
-
-
-def test_missing_data_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(clips, "DATA", tmp_path / "none")
-    monkeypatch.setattr(sys, "argv", ["gallery"])
-    with pytest.raises(SystemExit, match=r"no real clips: .* is missing; set VA_DATA"):
-        gallery.main()
 
 
 def test_a_command_that_fails_is_a_result(tmp_path: Path) -> None:
@@ -217,6 +174,7 @@ def test_a_row_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
     row = Row(clip, ENDED, clicked, ENDED, ENDED, detail, 0.4, (0.8, 0.3), noise, 1.5, 0.75)
     refused = Row(clips.CLIPS[1], replace(ENDED, status=1, message=f"{clips.DATA}/clips/a pans"), *[None] * 3)
     program = stages.Program(commands.HEADLESS)
+    monkeypatch.setattr(clips.RealClip, "near_middle", (1, 2, 3))
     monkeypatch.setattr(table, "SEEN", {program.commit: {clip.name: "whole, no halo"}})
     text = table.table([row, refused, Row(clips.CLIPS[2], *[None] * 4)], program)
     assert (

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
-from benchmarks.accuracy import mask_metrics, metrics
+from benchmarks.accuracy import mask_metrics
 from benchmarks.accuracy.mask_metrics import stroke
 from benchmarks.accuracy.subjects import OTHER_DEPTH, DepthScore, other_depth
 
@@ -35,25 +33,11 @@ def test_iou_of_a_block_that_is_shifted() -> None:
     assert mask_metrics.iou(block(10), block(50)) == 0
 
 
-def test_iou_of_a_disc_that_is_shifted() -> None:
-    # A lens of two circles of radius r whose centres are d apart.
-    r, d = 15.0, 6.0
-    lens = 2 * r * r * np.arccos(d / (2 * r)) - d / 2 * np.sqrt(4 * r * r - d * d)
-    assert mask_metrics.iou(disc(37), disc(43)) == pytest.approx(lens / (2 * np.pi * r * r - lens), abs=0.01)
-
-
 def test_a_subject_that_is_hidden_is_right_if_nothing_is_found() -> None:
     for score in (mask_metrics.iou, mask_metrics.boundary_f):
         assert score(NOTHING, NOTHING) == 1
         assert score(disc(), NOTHING) == 0
         assert score(NOTHING, disc()) == 0
-
-
-def test_the_outline_is_within_and_not_at_the_border() -> None:
-    assert mask_metrics.outline(block(10)).sum() == 4 * 20 - 4
-    # At the picture's left border a side is missing, but for its ends, which are of other sides.
-    assert mask_metrics.outline(block(0)).sum() == 4 * 20 - 4 - 18
-    assert not mask_metrics.outline(~NOTHING).any()
 
 
 def test_boundary_f_forgives_two_pixels() -> None:
@@ -63,12 +47,6 @@ def test_boundary_f_forgives_two_pixels() -> None:
     # Of a block that is 10 wider to its right, 40 + 20 pixels' outline is met and 10 + 10 + 20 is not.
     wide = mask_metrics.boundary_f(block(10, 30), block(10, 20))
     assert 0.6 < wide < 0.9
-
-
-def test_an_outline_that_is_steadily_off_does_not_boil() -> None:
-    truths = [disc()] * 4
-    assert mask_metrics.boiling(truths, truths, [STILL] * 3) == 0
-    assert mask_metrics.boiling([disc(radius=17)] * 4, truths, [STILL] * 3) == 0
 
 
 def test_an_outline_that_jumps_boils_by_as_much() -> None:
@@ -89,11 +67,6 @@ def test_true_motion_is_no_boiling() -> None:
     assert mask_metrics.boiling(late, truths, [right] * 2) == pytest.approx(3 * 2 / np.pi, abs=0.4)
 
 
-def test_boiling_needs_two_frames() -> None:
-    assert math.isnan(mask_metrics.boiling([disc()], [disc()], []))
-    assert math.isnan(mask_metrics.boiling([disc()] * 2, [disc(), NOTHING], [STILL]))
-
-
 def test_the_band_is_on_both_sides_of_the_outline() -> None:
     row, column = np.mgrid[0:60, 0:80] + 0.5
     band = mask_metrics.outline_band(disc(), 6)
@@ -101,20 +74,6 @@ def test_the_band_is_on_both_sides_of_the_outline() -> None:
     assert band[away < 4.5].all()
     assert not band[away > 7.5].any()
     assert not mask_metrics.outline_band(NOTHING).any()
-
-
-def test_flicker_counts_within_the_masks() -> None:
-    dark, light = np.zeros((4, 4, 3), np.float32), np.ones((4, 4, 3), np.float32)
-    half = light.copy()
-    half[:, :2] = 0
-    left = np.zeros((4, 4), bool)
-    left[:, :2] = True
-    truths = [dark, dark]
-    assert metrics.rm([dark, half], truths) == pytest.approx(0.5)
-    assert metrics.rm([dark, half], truths, [left, left]) == 0
-    assert metrics.rm([dark, half], truths, [left, ~left]) == pytest.approx(0.5)
-    assert metrics.rm([dark, half], truths, [~left, ~left]) == pytest.approx(1)
-    assert math.isnan(metrics.rm([dark, half], truths, [left & ~left] * 2))
 
 
 # Depth

@@ -124,16 +124,6 @@ def test_a_focal_length_off_by_a_tenth(solved: Reconstruction, truth: Truth) -> 
     assert figures.inverse_depth == pytest.approx(0, abs=1e-4) == figures.rotation_max
 
 
-def test_lengths_of_a_cube_too_deep_by_a_tenth() -> None:
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float64)
-    axis = np.array([0.0, 0.0, 1.0])
-    changes = ground_truth.length_changes(3 * corners * [1, 1, 1.1], corners, axis)
-    # Of all pairs a seventh is parallel to the axis, three sevenths are at right angles to it.
-    assert changes == pytest.approx(np.log(1.1))
-    assert ground_truth.length_changes(corners @ rotated(40, (1, 0, 0)).T, corners, axis) == pytest.approx(0)
-    assert len(ground_truth.length_changes(corners[:7], corners[:7], axis)) == 0
-
-
 def test_depths_that_are_wrong_on_one_wall(solved: Reconstruction, truth: Truth) -> None:
     # The far wall's points 10 % too far along their rays from the first camera.
     xyz = solved.points.xyz * np.where(np.arange(120) < 60, 1.0, 1.1)[:, None]
@@ -144,51 +134,6 @@ def test_depths_that_are_wrong_on_one_wall(solved: Reconstruction, truth: Truth)
     assert 0 < figures.inverse_depth_90 < 10.01
     assert figures.stretch > 5
     assert figures.registered == pytest.approx(0.2) and figures.points_least == 0
-
-
-def test_one_of_two_cameras_is_turned() -> None:
-    true = np.tile(np.eye(3), (2, 1, 1))
-    turned = np.stack([np.eye(3), rotated(1.0, (0, 1, 0))])
-    # The best turn of the world is halfway.
-    assert ground_truth.rotation_errors(turned, true) == pytest.approx([0.5, 0.5])
-
-
-def test_positions_out_of_plane() -> None:
-    h = 0.1
-    true = np.array([[1, 1, 0], [-1, -1, 0], [1, -1, 0], [-1, 1, 0]], np.float64)
-    bent = true + np.array([[0, 0, h], [0, 0, h], [0, 0, -h], [0, 0, -h]])
-    # By symmetry no turn helps; the best scale shrinks a little.
-    scale = 2 / (2 + h * h)
-    expected = np.sqrt(2 * (1 - scale) ** 2 + (scale * h) ** 2)
-    assert ground_truth.position_errors(bent, true) == pytest.approx(np.full(4, expected))
-    assert ground_truth.extent(true) == pytest.approx(np.sqrt(8))
-
-
-def test_a_camera_that_never_moved_has_no_path() -> None:
-    assert (ground_truth.position_errors(np.zeros((4, 3)), np.eye(4, 3)) > 0).all()
-    assert ground_truth.extent(np.ones((3, 3))) == 0
-
-
-def test_the_grid_is_counted_by_cells(truth: Truth) -> None:
-    # Cells are 20 x 20 pixels here; two points share one, and one lies on the border.
-    xy = np.array([[1.0, 1.0], [19.0, 19.0], [21.0, 1.0], [160.0, 120.0]])
-    image = Image(1, np.eye(3), np.zeros(3), xy, np.arange(4, dtype=np.int32))
-    assert ground_truth.grid_share(image, truth.cameras) == pytest.approx(3 / 48)
-
-
-def test_no_depth_beside_a_jump_nor_on_what_moves(solved: Reconstruction, truth: Truth) -> None:
-    column = np.nonzero(ground_truth.jumps(truth.depth[1])[0])[0]
-    # The last column of the nearer wall, and two to either side.
-    assert column.tolist() == [77, 78, 79, 80, 81]
-    left = np.tile(np.arange(WIDTH) < 40, (HEIGHT, 1))
-    shot = ground_truth.observations(solved)
-    places = ground_truth.true_places(shot, replace(truth, moves=dict.fromkeys(truth.depth, left)), 120)
-    on_left = np.zeros(120, bool)
-    on_left[shot.point[(shot.xy[:, 0] < 40) & np.isin(shot.frame, (1, 3, 5))]] = True
-    assert 0 < on_left.sum() < 60
-    assert (np.isnan(places.xyz[:, 0]) == on_left).all()
-    assert places.xyz[~on_left] == pytest.approx(solved.points.xyz[~on_left])
-    assert np.isnan(places.z[np.isin(shot.frame, (2, 4))]).all()
 
 
 def test_a_zoom_is_followed(solved: Reconstruction, truth: Truth) -> None:
@@ -243,18 +188,3 @@ def test_an_assumed_focal_length_excuses_its_own_error() -> None:
     assert motions.verdict(motion, "unknown", "", off, claims) == "right"
     assert motions.verdict(motion, "known", "", off, claims) == "lengths"
     assert motions.verdict(motion, "unknown", "", replace(off, lengths=40.0), claims) == "lengths"
-
-
-# The clips
-
-
-def test_what_makes_the_motions() -> None:
-    jitter, planar = scenes.jitter(), scenes.planar()
-    centres = jitter.cameras.centres
-    assert 0.003 < np.sqrt(((centres - centres.mean(axis=0)) ** 2).sum(axis=1).mean()) < 0.010
-    top = max(thing.shape.vertices[:, 1].max() for thing in planar.stage.things if thing.name != "wall")
-    relief = top - min(thing.shape.vertices[:, 1].min() for thing in planar.stage.things)
-    assert 0 < relief <= 0.061
-    for motion in (jitter, planar, SOLVABLE):
-        assert len(motion.cameras) == len(motion.focals) == scenes.FRAMES
-        assert motion.has_one_focal

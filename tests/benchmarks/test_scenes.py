@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import bpy
-import cv2
 import numpy as np
 import pytest
 
 from addon.core.media.light import encode_srgb
-from sample_scenes import filming, gloss, staging, truth
+from benchmarks import store
+from sample_scenes import filming, staging, truth
 from sample_scenes.stage import HEIGHT, WIDTH, Stage
 
-SCENES = (*filming.STAGES, gloss.NAME)
-"""Those of the benchmark, and those that a benchmark of their own films."""
 
-
-def load(name: str) -> Stage:
-    pytest.importorskip(f"sample_scenes.{name}")
-    return filming.load(name)
-
-
-@pytest.fixture(scope="module", params=SCENES)
+@pytest.fixture(scope="module", params=filming.STAGES)
 def stage(request: pytest.FixtureRequest) -> Stage:
-    return load(request.param)
+    return filming.load(request.param)
 
 
 @pytest.fixture(scope="module")
@@ -50,25 +40,8 @@ def small(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
     scene.render.resolution_x, scene.render.resolution_y = before
 
 
-def fingerprint(value: object) -> str:
-    """A hash of everything in a stage, to the bit."""
-    digest = hashlib.sha256(type(value).__name__.encode())
-    if isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype} {value.shape}".encode())
-        digest.update(np.ascontiguousarray(value).tobytes())
-    elif is_dataclass(value):
-        for field in fields(value):
-            digest.update(fingerprint(getattr(value, field.name)).encode())
-    elif isinstance(value, tuple):
-        for item in value:
-            digest.update(fingerprint(item).encode())
-    else:
-        digest.update(repr(value).encode())
-    return digest.hexdigest()
-
-
 def test_two_builds_are_the_same(stage: Stage) -> None:
-    assert fingerprint(filming.load(stage.name)) == fingerprint(stage)
+    assert store.digest(filming.load(stage.name)) == store.digest(stage)
 
 
 def judged(stage: Stage) -> tuple[int, int, int]:
@@ -110,27 +83,6 @@ def test_tiny_render_is_neither_black_nor_clipped(stage: Stage, small: bpy.types
     assert picture.shape == (36, 64, 3)
     assert 30 < picture.mean() < 200
     assert (linear >= 1).all(axis=-1).mean() < 0.05
-
-
-def test_what_shines_mirrors_and_the_rest_does_not() -> None:
-    """With mirrors the picture changes there, and elsewhere by no more than the noise of four samples."""
-    made = load(gloss.NAME)
-    before, pictures, where = bpy.context.window.scene, [], None
-    for build in (staging.build, gloss.build):
-        scene = build(made)
-        scene.render.resolution_x, scene.render.resolution_y = 128, 72
-        pictures.append(truth.pinhole(scene, 12, samples=4))
-        where = truth.geometry(scene, 12).thing
-        bpy.context.window.scene = before
-        bpy.data.scenes.remove(scene)
-    shining = np.isin(where, [i for i, thing in enumerate(made.things) if thing.name in gloss.GLOSS])
-    edges = cv2.dilate(shining.astype(np.uint8), np.ones((5, 5))) - cv2.erode(
-        shining.astype(np.uint8), np.ones((5, 5))
-    )
-    change = np.abs(pictures[1] - pictures[0]).max(axis=-1)
-    assert change[~shining & (edges == 0)].max() < 0.03
-    assert np.median(change[~shining & (edges == 0)]) < 0.002
-    assert (change[shining & (edges == 0)] > 0.01).mean() > 0.8
 
 
 def test_a_sample_is_written_into_a_folder_that_is_not_there(tmp_path: Path) -> None:

@@ -7,14 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from addon.core.camera.reconstruction import Intrinsics
 from benchmarks.accuracy import envelope
 from benchmarks.accuracy.envelope import Curve
 from benchmarks.accuracy.rows import Row
 from benchmarks.accuracy.scenes import Resized
-from benchmarks.timings import frame_costs, growth, speed, whole_runs
-
-from ..scenes import slanted_plane
+from benchmarks.timings import frame_costs, speed, whole_runs
 
 
 def row(method: str, views: int, cost: float, error: float) -> Row:
@@ -45,12 +42,6 @@ def test_a_curve_replaces_its_own_panel_alone(tmp_path: Path) -> None:
     assert "33.00" in text and "31.00" not in text and (tmp_path / "envelope.png").exists()
 
 
-def test_large_pictures_are_judged_with_few_views() -> None:
-    assert envelope.judged_views("thesis", 1920) == (4, 16, 64, 256)
-    assert envelope.judged_views("thesis", 3840) == (4, 16)
-    assert envelope.judged_views("Defocus", 1920) and not envelope.judged_views("Defocus", 3840)
-
-
 def test_a_resized_scene_has_the_same_view_and_blur_in_shares_of_the_width() -> None:
     small, large = Resized("walk", 0.1, 640), Resized("walk", 0.1, 3840)
     one, other = small.stage.cameras, large.stage.cameras
@@ -71,15 +62,6 @@ def test_a_part_is_put_in_its_place_and_others_stay(tmp_path: Path) -> None:
     speed.put(file, names[1], "anew")
     assert "anew" in file.read_text() and f"commit of {names[1]}." not in file.read_text()
     assert f"commit of {names[3]}.\n\n| a |" in file.read_text()
-
-
-def test_points_are_left_out_evenly_with_their_ids() -> None:
-    whole = slanted_plane(Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0), count=150)
-    for own, kept in zip(whole.images, growth.thinned(whole, 20).images, strict=True):
-        assert len(kept.xy) == len(kept.points) == 20
-        of_id = dict(zip(own.points.tolist(), own.xy.tolist(), strict=True))
-        assert [of_id[number] for number in kept.points.tolist()] == kept.xy.tolist()
-    assert len(growth.thinned(whole, 9999).images[0].xy) == len(whole.images[0].xy)
 
 
 def test_a_frame_costs_what_more_frames_cost_more() -> None:

@@ -56,15 +56,6 @@ def test_the_mean_of_pinholes_is_the_thin_lens(stage: Stage, scene: bpy.types.Sc
     assert sharp < noise - 15, "there is nothing to tell apart"
 
 
-def test_a_virtual_pinhole_leaves_the_camera_as_it_was(stage: Stage, scene: bpy.types.Scene) -> None:
-    before = truth.pinhole(scene, FRAME, 1)
-    truth.virtual_pinhole(scene, FRAME, (0.1, -0.2), 3.0, samples=1, seed=0)
-    truth.lens(scene, FRAME, 0.1, 3.0, noise=0.5, seed=0)
-    truth.layer(scene, stage, FRAME, 0, 5, samples=1)
-    truth.geometry(scene, FRAME)
-    np.testing.assert_array_equal(truth.pinhole(scene, FRAME, 1), before)
-
-
 def test_depth_is_where_blenders_rays_hit(stage: Stage, scene: bpy.types.Scene) -> None:
     found = truth.geometry(scene, FRAME)
     cameras, graph = stage.cameras, bpy.context.evaluated_depsgraph_get()
@@ -108,26 +99,6 @@ def test_motion_brings_the_next_frame_into_register() -> None:
     around = [error(motion + step) for step in ((0.3, 0), (-0.3, 0), (0, 0.3), (0, -0.3))]
     assert error(motion) < min(around)
     assert error(motion) < 0.7 * error(0 * motion)
-
-
-def test_a_travelling_thing_moves_by_its_own_way(stage: Stage) -> None:
-    cameras = replace(stage.cameras, rotation=stage.cameras.rotation[[0, 0]],
-                      translation=stage.cameras.translation[[0, 0]])  # fmt: skip
-    travel = np.array([[0.0, 0, 0], [0.3, 0, 0]])
-    things = (replace(stage.things[0], travel=travel), stage.things[1])
-    staged = replace(stage, cameras=cameras, things=things)
-    depth = np.full((54, 96), 2.0)
-    thing = np.zeros((54, 96), np.int32)
-    thing[:, 48:] = 1
-    thing[0], depth[0] = -1, np.inf
-    geometry = truth.Geometry(depth, thing)
-    motion, _ = truth.motion(staged, 1, geometry, geometry)
-    # 0.3 m at 2 m depth, along the camera's x but for the hand's turn.
-    shift = cameras.rotation[0] @ travel[1]
-    expected = cameras.focal * shift[0] / (2.0 + shift[2])
-    assert motion[27, 20, 0] == pytest.approx(expected, abs=0.3)
-    np.testing.assert_allclose(motion[1:, 48:], 0, atol=1e-9)
-    np.testing.assert_allclose(motion[0], 0, atol=1e-9)
 
 
 def test_layers_over_each_other_are_the_picture(stage: Stage, scene: bpy.types.Scene) -> None:
