@@ -66,29 +66,6 @@ def call(program: Program, name: str) -> None:
     program.settle()
 
 
-def test_the_field_of_the_blur_in_a_pull(program: Program) -> None:
-    program.ask(
-        f"s = {SETTINGS}\ns.blur = 0.06\n"
-        "for frame, distance in ((1, 6.0), (5, 12.0)):\n"
-        "    bpy.context.scene.frame_set(frame)\n"
-        "    s.focus_distance = distance\n"
-        "    bpy.context.scene.keyframe_insert('virtual_aperture.focus_distance')\n"
-    )
-    radius = program.ask(f"{SETTINGS}.aperture_radius")
-    program.ask("bpy.context.scene.frame_set(1)")
-    program.settle()
-    program.shot("blur_1")
-    program.ask("bpy.context.scene.frame_set(5)")
-    program.settle()
-    field = program.find("virtual_aperture.blur_percent", "VIEW_3D", "UI", 0.6)
-    program.shot("blur_5")
-    # The stored number, and one lens over the pull.
-    assert program.ask(f"[{SETTINGS}.blur, {SETTINGS}.aperture_radius]") == pytest.approx([0.06, radius])
-    program.fill(field, "5")
-    assert program.ask(f"{SETTINGS}.blur") == pytest.approx(0.05, rel=1e-5)
-    assert program.ask(f"{SETTINGS}.aperture_radius") == pytest.approx(radius * 5 / 6, rel=1e-4)
-
-
 AMOUNT = f"[{SETTINGS}.blur_percent, {SETTINGS}.aperture_radius, {SETTINGS}.f_stop]"
 
 
@@ -131,23 +108,6 @@ def test_undo_and_redo_keep_the_stored_amount(program: Program) -> None:
         stored[1:], rel=1e-5
     )
     program.ask(f"{settings}s.metres_per_unit = 0\ns.blur = 0.03")
-
-
-def test_edits_of_the_camera_are_restored_and_undone(program: Program) -> None:
-    data = f"{SETTINGS}.camera.data"
-    edited = f"list({MODULES}.scene.edited_camera'].edits(bpy.context.scene))"
-    assert program.ask(edited) == []
-    program.ask(f"{data}.shift_x += 0.2\n{data}.lens *= 1.5\nbpy.ops.ed.undo_push(message='Camera')\nNone")
-    program.settle()
-    program.shot("camera_edited")
-    assert program.ask(edited) == ["Focal Length", "Shift X"]
-    press_in_details(program, "render_clip", f"{edited} == []")
-    assert program.ask(edited) == []
-    program.shot("camera_restored")
-    undo(program)
-    assert program.ask(edited) == ["Focal Length", "Shift X"]
-    undo(program, "redo")
-    assert program.ask(edited) == []
 
 
 def message(program: Program, name: str) -> tuple[str, int, np.ndarray]:
