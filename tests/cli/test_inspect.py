@@ -13,7 +13,7 @@ from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.frame.inspection import NAMES
 from addon.core.frame.report import FrameReport
-from addon.render.output.run_report import RunReport, check_report
+from addon.render.output.run_report import RunReport
 
 from ..command_line import done, here
 from ..disc_and_wall import disc_and_wall
@@ -51,17 +51,6 @@ def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
     with pytest.raises(Cancelled), reporting(stop):
         stopped.on_frame(drawn)
     assert not (tmp_path / "b.json").exists()
-
-
-def test_another_file_is_left_alone(tmp_path: Path) -> None:
-    for name, text in (("mine.json", '{"frames": []}'), ("list.json", "[]"), ("text.json", "not JSON")):
-        (tmp_path / name).write_text(text)
-        with pytest.raises(UserError, match="is not a report"):
-            check_report(tmp_path / name, False)
-        check_report(tmp_path / name, True)
-    with pytest.raises(UserError, match=r"end it in \.json"):
-        check_report(tmp_path / "report.txt", True)
-    check_report(tmp_path / "new.json", False)
 
 
 # On the command line

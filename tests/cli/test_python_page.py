@@ -92,13 +92,6 @@ def test_render_gives_the_frames_of_the_command(work: Path, tmp_path: Path) -> N
     assert ours == theirs and len(ours) == 2
 
 
-def test_depth_is_kept_and_stmaps_are_exported(work: Path, tmp_path: Path) -> None:
-    api.depth(work, frames="2-2", jobs=1)
-    assert list((work / "depth").iterdir())
-    api.export(work, tmp_path / "maps", "stmap", frames="2-2")
-    assert list((tmp_path / "maps").glob("*.exr"))
-
-
 def test_options_become_those_of_the_command_line() -> None:
     assert api._words({
         "focus_at": ["0.1,0.5@1", "-0.2,0.5@4"], "focus_point": [3, 4], "subject": [["0.1,0.2", "0.3,0.4@5"]],
