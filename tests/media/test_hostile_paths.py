@@ -224,31 +224,3 @@ def test_pictures_that_blender_cannot_render_are_refused(
     footage = open_footage(write_frames(tmp_path / "clip", camera))
     with pytest.raises(UserError, match="Blender cannot render images smaller than 4 pixels"):
         build(scene, footage, slanted_plane(camera))
-
-
-def test_masks_and_depth_maps_that_cannot_be_read_are_named(tmp_path: Path) -> None:
-    clip = open_footage(write_frames(tmp_path / "clip", LENS))
-    masks = open_masks(write_frames(tmp_path / "masks", LENS), clip)
-    (tmp_path / "depth").mkdir()
-    for frame in (1, 2, 3):
-        ramp = np.linspace(1, 60_000, LENS.width * LENS.height).reshape(LENS.height, LENS.width)
-        cv2.imwrite(str(tmp_path / "depth" / f"d_{frame}.png"), ramp.astype(np.uint16))
-    depth = open_depth(tmp_path / "depth", clip)
-    for path, kind, read in (
-        (tmp_path / "masks" / "clip_0002.png", "masks", masks.at),
-        (tmp_path / "depth" / "d_2.png", "depth maps", depth.read),
-    ):
-        path.unlink()
-        for damage, said in (
-            (lambda: None, "cannot be read: No such file or directory"),
-            (lambda p=path: p.mkdir(), "cannot be read: Is a directory"),
-            (
-                lambda p=path: (p.rmdir(), p.symlink_to(p)),
-                "cannot be read: Too many levels of symbolic links",
-            ),
-            (lambda p=path: (p.unlink(), p.write_bytes(b"")), r"is empty \(0 bytes\)"),
-            (lambda p=path: p.write_bytes(b"\x89PNG broken"), "cannot be decoded"),
-        ):
-            damage()
-            with pytest.raises(UserError, match=rf"{kind}: .*{path.name} {said}"):
-                read(2)
