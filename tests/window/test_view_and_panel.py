@@ -26,7 +26,6 @@ MODULES = f"__import__('sys').modules['{EXTENSION}.addon"
 DEPTH = f"{MODULES}.ui.jobs.depth_ahead']._ahead"
 VIEWPORT = f"{MODULES}.render.viewport.viewport']"
 PREVIEW = f"{VIEWPORT}.PREVIEW"
-SHADING = "view('VIEW_3D')['area'].spaces.active.shading.type"
 SIZE = "[bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y]"
 FRAME = (
     "(lambda v: list("
@@ -190,25 +189,6 @@ def test_a_picture_keeps_its_shape_in_an_output_of_another_shape(program: Progra
     press_in_details(program, "render_clip", f"{SIZE} == [640, 360]")
     assert program.ask(f"[s.said for s in {VIEWPORT}._in_regions.values() if s.said]") == []
     assert np.abs(middle_rows(program, "clip_shape_again") - clip).mean() < 1
-
-
-def test_a_preview_can_be_ended_when_objects_were_deleted(program: Program) -> None:
-    if program.ask(SHADING) != "RENDERED":
-        call(program, "preview")
-    program.ask(
-        f"with bpy.context.temp_override(selected_objects=[{SETTINGS}.camera]):\n"
-        "    bpy.ops.object.delete()\n"
-    )
-    program.settle()
-    program.shot("deleted")
-    render = "bpy.ops.virtual_aperture.render_clip.poll()"
-    assert not program.ask(render)
-    assert program.ask("bpy.ops.virtual_aperture.preview.poll()")
-    call(program, "preview")
-    assert program.ask(SHADING) == "SOLID"
-    program.ask("bpy.ops.virtual_aperture.restore_objects()")
-    program.settle()
-    assert program.ask(render)
 
 
 def test_a_portrait_clip_after_a_landscape_one_is_seen_whole(program: Program, blend: Path) -> None:
