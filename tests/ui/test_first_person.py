@@ -18,7 +18,6 @@ from addon.scene.build import build
 from addon.scene.focus import focus_marks
 from addon.scene.lens import depth_of_field
 from addon.ui import panels
-from addon.ui.footage import solve
 from addon.ui.jobs import first_person
 
 from .. import planes
@@ -122,12 +121,3 @@ def test_focus_follows_the_nearest_person(scene: bpy.types.Scene, tmp_path: Path
     assert mark.name == "Nearest person" and mark.frame == FEW[4]
     assert list(mark.places[0].followed) == list(FEW)
     assert settings.focus_distance == pytest.approx(walls.NEAR, rel=0.02)
-
-
-def test_a_first_focus_without_a_place_is_a_distance(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """As where the camera turns away from the first place, or passes it."""
-    footage = open_footage(planes.write_clip(tmp_path / "still", [walls.still(each) for each in FEW], FEW[0]))
-    settings = build(scene, footage, walls.filmed(walls.still, FEW).reconstruction)
-    focus_marks.put_first(settings, Place(Focus(distance=6.0), FEW[0], 6.0, "a fixed distance"))
-    assert solve.solved_words(scene, "Solved").startswith("Solved; focused on a fixed distance")
-    assert "In focus: a fixed distance" in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
