@@ -69,25 +69,6 @@ def test_tracks_that_are_mostly_on_masks_are_left_out_and_numbers_stay() -> None
         assert number.tolist() == [0, 4, 6] and places[0].tolist() == list(away)
 
 
-def test_a_track_is_judged_by_the_mask_of_each_frame() -> None:
-    """One person walks to the right, another point stays where they were."""
-    given = tracks({0: [(10.0, 25.0), (40.0, 25.0), (70.0, 25.0)], 1: [(10.0, 25.0)] * 3})
-
-    def of(frame: int) -> np.ndarray:
-        mask = np.zeros((50, 100), bool)
-        mask[:, 30 * (frame - 5) : 30 * (frame - 5) + 20] = True
-        return mask
-
-    assert np.unique(outside(given, of).track).tolist() == [1]
-
-
-def test_nothing_is_left_out_without_networks_or_people(tmp_path: Path) -> None:
-    clip = open_footage(planes.write_clip(tmp_path / "walk", planes.sideways(6)))
-    given = tracks({0: [(10.0, 25.0)] * 6})
-    assert without_people(given, clip, Networks(tmp_path / "none")) is None
-    assert without_people(given, clip) is None
-
-
 def test_tracks_on_a_person_are_left_out_and_progress_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

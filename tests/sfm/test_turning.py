@@ -78,12 +78,6 @@ def test_turns_and_focal_length_of_a_pan(focal: float) -> None:
     np.testing.assert_array_equal(made.translation, 0)
 
 
-def test_a_still_camera_keeps_the_focal_length_that_was_assumed() -> None:
-    made, sigma = turned(tracks_of(turns(0.0), 800.0), 544.0, 0.2)
-    assert made.focal[0] == 544.0
-    assert sigma == 0.2
-
-
 def panned(count: int = 12) -> Reconstruction:
     """Cameras at the origin that pan past 300 points at 10, whatever is there."""
     camera = Intrinsics(160, 90, 150.0, 150.0, 80.0, 45.0)

@@ -12,9 +12,6 @@ import pytest
 
 from addon.core.base.arrays import Bytes, Floats, Mask
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.depth.ground_contact import Plane
-from addon.core.depth.multi_view_stereo import DenseDepth
-from addon.core.depth.subject_depth import with_subjects
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.media.clip import open_footage
@@ -89,13 +86,6 @@ def test_a_person_cut_off_by_the_border_stands_on_the_ground_below_the_picture(d
     assert found == {frame: pytest.approx(1 / distance, rel=0.03) for frame in (0, 1)}
 
 
-def test_feet_behind_the_hidden_scene_are_wrong() -> None:
-    standing = Standing(
-        Street(), lambda frame: person(2.0, frame), lambda frame, subject: np.array([0.5, 0.4])
-    )  # type: ignore[arg-type]
-    assert standing.inverse_depths(lambda frame: person(2.0, frame), [0]) == {}
-
-
 def cropped(solved: Reconstruction, rows: int) -> Reconstruction:
     """A reconstruction of the upper rows of each picture."""
     seen = [(image, image.xy[:, 1] < rows) for image in solved.images]
@@ -146,14 +136,3 @@ def test_a_real_person_is_as_far_away_when_seen_from_the_waist_up(
     pairs = [(one.inverse_depth(frame), other.inverse_depth(frame)) for frame in map(int, solved.frames[::8])]
     ratios = [a / b for a, b in pairs if a and b]
     assert len(ratios) > 4 and min(ratios) > 0.85 and max(ratios) < 1.15
-
-
-def test_in_one_picture_one_that_is_cut_off_is_nearer_than_what_is_beside_it() -> None:
-    rows = np.arange(CAMERA.height) + 0.5 - CAMERA.cy
-    inverse = np.repeat(np.maximum(rows / CAMERA.fy / EYE, 0.05)[:, None], CAMERA.width, 1).astype(np.float32)
-    mask = person(2.0, 0)
-    sure = np.where(mask, 0, 1).astype(np.float32)
-    static = DenseDepth(1, inverse, sure, mask, CAMERA)
-    found = with_subjects(static, np.full((*mask.shape, 3), 90, np.uint8), [])
-    border = float(Plane(np.array([0, 1 / EYE, 0])).inverse_depth(CAMERA.rays(np.array([[160.0, 180]])))[0])
-    assert border < found.inverse_depth[mask].min() <= found.inverse_depth[mask].max() < 1.4 * border
