@@ -15,14 +15,6 @@ from addon.core.sfm.process import SolveProgress
 from addon.core.sfm.steps import SHARES
 
 
-def test_even_work_is_told_from_when_it_can_be() -> None:
-    left = TimeLeft(100.0)
-    assert left.at(101, 0.15) is None  # too short a time
-    assert TimeLeft(100.0).at(104, 0.05) is None  # too small a share
-    for second in range(16, 101):
-        assert left.at(100 + second, second / 100) == pytest.approx(100 - second)
-
-
 def test_what_is_tried_again_takes_no_part_and_is_not_told() -> None:
     left = TimeLeft(0.0)
     assert left.at(80, 0.8) == pytest.approx(20)
@@ -30,14 +22,6 @@ def test_what_is_tried_again_takes_no_part_and_is_not_told() -> None:
     assert [left.at(t, s) for t, s in ((81, 0.3), (100, 0.5), (150, 0.75))] == [None, None, None]
     # Past where it was, by the pace of before: 90 % in 90 s of work.
     assert left.at(160, 0.9) == pytest.approx(10, abs=1)
-
-
-def test_estimates_that_contradict_each_other_are_none() -> None:
-    left = TimeLeft(0.0)
-    assert left.at(95, 0.95) == pytest.approx(5)
-    # A stage at whose end the time stands still.
-    assert left.at(400, 0.96) is None
-    assert left.at(410, 0.97) == pytest.approx(12.7, abs=0.1)
 
 
 def test_the_line_of_a_solve_never_jumps(
