@@ -437,3 +437,24 @@ def test_a_blend_that_was_cut_off_is_not_kept(work: Path, tmp_path: Path) -> Non
         )
         assert limited.returncode == 1 and "a.blend c" in limited.stderr, limited.stderr
         assert not blend.exists()
+
+
+def test_a_job_that_solves_first(work: Path, tmp_path: Path) -> None:
+    source = work.parent / "clip" / "clip.mp4"
+    chunks = ("--solve-frames", "1-12", "--frames", "1-9", "--chunk", 4)
+    done("farm", source, "--fov", 60, *LENS, *chunks, "--out", tmp_path / "job")
+    job = json.loads((tmp_path / "job" / "template.json").read_text())
+    steps = tasks(job, tmp_path / "job")
+    assert {name: len(each) for name, each in steps.items()} == {
+        "Solve": 1,
+        "Scene": 1,
+        "Render": 3,
+        "Join": 1,
+    }
+    assert [step.get("dependencies") for step in job["steps"]] == [
+        None, [{"dependsOn": "Solve"}], [{"dependsOn": "Scene"}], [{"dependsOn": "Render"}],
+    ]  # fmt: skip
+    words = " ".join(steps["Solve"][0])
+    assert f"solve {tmp_path / 'job' / 'input' / 'clip.mp4'}" in words
+    assert "--fov 60.0" in words and "--frames 1-12" in words
+    assert [each[each.index("--frames") + 1] for each in steps["Render"]] == ["1-4", "5-8", "9-9"]
