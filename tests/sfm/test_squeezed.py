@@ -31,7 +31,7 @@ def rolling(folder: Path, tagged: bool) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("tagged", [True, False])
+@pytest.mark.parametrize("tagged", [pytest.param(True, marks=pytest.mark.long), False])
 def test_a_squeezed_clip_is_solved_in_its_true_shape(tmp_path: Path, tagged: bool) -> None:
     clip, work = rolling(tmp_path / "clip", tagged), tmp_path / "work"
     SolveProcess(clip, work, pixel_aspect=0.0 if tagged else 2.0).wait()

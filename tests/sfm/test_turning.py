@@ -61,7 +61,7 @@ def tracks_of(rotation: np.ndarray, focal: float, noise: float = 0.2, moving: fl
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("focal", [450.0, 800.0])
+@pytest.mark.parametrize("focal", [450.0, pytest.param(800.0, marks=pytest.mark.long)])
 def test_turns_and_focal_length_of_a_pan(focal: float) -> None:
     """From a lens that is taken to be 544 px long, with a fifth of the tracks moving by themselves."""
     rotation = turns(0.5)
