@@ -76,7 +76,9 @@ def alone(
     return rendered(write(tmp_path_factory.mktemp("alone") / "clip", scene[1]), scene[0])
 
 
-@pytest.mark.parametrize(("name", "colour"), [("pillarbox", 16), ("window", 235), ("one", 0)])
+@pytest.mark.parametrize(
+    ("name", "colour"), [pytest.param("pillarbox", 16, marks=pytest.mark.long), ("window", 235), ("one", 0)]
+)
 def test_the_picture_ends_at_bars_as_at_its_border(
     name: str,
     colour: int,

@@ -69,7 +69,7 @@ def test_a_movie_with_rate_sound_and_a_sharp_subject(desk_work: Path, desk: Path
 
 
 def test_a_sequence_goes_on_where_it_stopped(work: Path, tmp_path: Path) -> None:
-    lens = ("render", work, "--focus-at", TRACKED, "--views", 4, "--method", "features", "--frames", "3-9:3")
+    lens = ("render", work, "--focus-distance", 6, "--views", 4, "--method", "features", "--frames", "3-9:3")
     out = tmp_path / "frames" / "####.png"
     done(*lens, "--out", out)
     names = ["0003.png", "0006.png", "0009.png"]
