@@ -15,10 +15,10 @@ from addon.core.media.light import to_linear
 
 from ..command_line import done, here
 from ..pictures import channels
-from .known_planes import LENS, import_planes
+from .solved_clips import PLANES_LENS, import_planes
 
 LOOK = ("--focus-distance", 6, "--aperture-radius", 0.25, "--highlights", "off")
-SIZE = LENS.width, LENS.height
+SIZE = PLANES_LENS.width, PLANES_LENS.height
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 
 from addon.scene.lens.lens import keys_of
 
-from .tracked_plane import FRAMES, run, work
+from .solved_clips import FRAMES, run, work
 
 __all__ = ["work"]
 PULL = ("--focus-at", "0.2,0.5@2", "--focus-at", "0.8,0.5@5", "--method", "features")

@@ -12,7 +12,7 @@ from addon.core.frame.inspection import NAMES
 from addon.core.frame.report import FrameReport
 
 from ..command_line import done, here
-from .known_planes import LENS, import_planes
+from .solved_clips import PLANES_LENS, import_planes
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,9 @@ def test_inspect_writes_everything_and_overwrites_nothing(work: Path, tmp_path: 
     assert report["sure"] > 80 and report["own"] > 80
     assert report["borrowed"] > report["inpainted"] > 0
     # The planes' discs: 2 R f (1/4 - 1/6) and 2 R f (1/6 - 1/10).
-    assert report["blur_largest"] == pytest.approx(2 * 0.25 * LENS.fx * (1 / 6 - 1 / 10 + 0.02), rel=0.5)
+    assert report["blur_largest"] == pytest.approx(
+        2 * 0.25 * PLANES_LENS.fx * (1 / 6 - 1 / 10 + 0.02), rel=0.5
+    )
     assert f"{report['triangles']:,} triangles" in said and "% other frames'" in said
     (tmp_path / "seen" / "depth.png").unlink()
     again = here(*command)

@@ -14,7 +14,7 @@ from addon.core.focus.focus import Focus, largest_discs
 from addon.core.media.light import encode_srgb, to_linear
 
 from ..scenes import LENS, slanted_plane, write_frames
-from .tracked_plane import FRAMES, imported, run, work
+from .solved_clips import FRAMES, imported, run, work
 
 __all__ = ["work"]
 

@@ -18,7 +18,7 @@ from addon.core.base.errors import UserError
 
 from .. import planes
 from ..command_line import done, here
-from .known_planes import import_planes
+from .solved_clips import import_planes
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "python.md").read_text()

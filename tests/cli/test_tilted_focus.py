@@ -15,7 +15,7 @@ from addon.core.optics.thin_lens import ACCEPTABLE
 from addon.scene.lens.lens import focus_of
 
 from ..scenes import LENS
-from .tracked_plane import FRAMES, run, work
+from .solved_clips import FRAMES, run, work
 
 __all__ = ["work"]
 PLANE = (1, 20, 300, 700)
