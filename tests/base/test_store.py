@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from addon.core.base import store as stores
-from addon.core.base.arrays import Floats, Map
+from addon.core.base.arrays import Map
 from addon.core.base.errors import UserError
 from addon.core.base.file_lock import FileLock
-from addon.core.base.store import NOT_KEPT, Entry, Store, delete_kept, numbers
+from addon.core.base.store import NOT_KEPT, Entry, Store
 from addon.core.camera.intrinsics import Intrinsics
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.stored_depth import FINEST, SUREST, depth_entry
@@ -133,28 +133,6 @@ def test_a_damaged_file_is_not_there(tmp_path: Path, damage: str) -> None:
     assert kept(store, 1) is None
     keep(store, 1, some(1))
     assert same(kept(store, 1), rounded(some(1)))
-
-
-def test_numbers_of_a_clip_are_made_once_and_again_where_they_are_damaged(tmp_path: Path) -> None:
-    counts = list[int]()
-
-    def row(most: int = 3) -> Floats:
-        def make() -> Floats:
-            counts.append(most)
-            return np.linspace(0.1, 0.7, most)
-
-        return Store(tmp_path, lambda: "key").once(numbers("clip-noise", 0, most), make)
-
-    first = row()
-    np.testing.assert_array_equal(first, row())
-    assert len(counts) == 1
-
-    Store(tmp_path, lambda: "key").write("clip-noise", {"numbers": np.array([1.0, np.nan, 2.0])})
-    np.testing.assert_array_equal(row(), first)
-    row(4)
-    assert counts == [3, 3, 4]
-    assert delete_kept(tmp_path) > 0
-    assert not list(tmp_path.glob("*/clip-*"))
 
 
 def test_what_is_not_ours_is_left_alone(tmp_path: Path) -> None:

@@ -58,20 +58,3 @@ def test_the_first_frame_tells_nothing_of_the_others(monkeypatch: pytest.MonkeyP
         "frame 14: 4 of 5, 5.0 s each, 0 min 05 s left",
         "frame 15: 5 of 5, 5.0 s each, 0 min 00 s left",
     ]
-
-
-def test_equal_steps_give_an_estimate_from_the_third_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    now, job = [0.0], Worker()
-    monkeypatch.setattr("addon.core.base.worker.time.monotonic", lambda: now[0])
-    job._progressed(Progress("Depth 3%, first frame", 0, 300))
-    assert (job.stage, job.done, job.left) == ("Depth 3%, first frame", 0, None)
-    left = []
-    for done in (1, 2, 3, 4):
-        # The first step, and the wait for it, are not as long as the others.
-        now[0] = 50.0 + 2 * done
-        job._progressed(Progress("frames", done, 300))
-        left.append(job.left)
-    assert left == [None, None, None, pytest.approx(2 * 296)]
-    # A report of what another frame waits for changes nothing.
-    job._progressed(Progress("Views 9%, first frame", 0, 300))
-    assert (job.stage, job.done, job.total) == ("frames", 4, 300)

@@ -67,16 +67,6 @@ def test_shares_make_one_where_the_frame_is_whole() -> None:
     assert shares[..., RED][inner][away[inner] > NEAR - FAR + 3].max() < 1e-4
 
 
-def test_all_is_the_frames_own_without_jumps() -> None:
-    inner = np.s_[4:-4, 4:-4]
-    slope = draw_shares(disc_and_wall(4.0, 2 + 0.02 * X))
-    np.testing.assert_allclose(slope[inner][..., BLUE], 1, atol=1e-5)
-    # At the border views look past it.
-    assert slope[0, :, RED].mean() > 0.05
-    focused = draw_shares(disc_and_wall(FAR, np.full(SIZE, FAR)))
-    np.testing.assert_allclose(focused[..., BLUE], 1, atol=1e-3)
-
-
 def test_what_is_lent_is_not_made_up() -> None:
     alone, half, all_ = (
         draw_shares(disc_and_wall(fill=fill)).mean(axis=(0, 1))
@@ -117,18 +107,6 @@ def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> N
     report = frame_report(frame, shares)
     assert report.sure is None and report.triangles == len(frame.mesh.triangles)
     assert "%" in "\n".join(report.words())
-
-
-def test_pictures_have_the_geometry_of_a_bent_lens() -> None:
-    bent = replace(PLAIN, k1=-0.1)
-    source = to_linear(texture(160, 90))
-    lens = FrameOptions(Focus(distance=8.0), 0.5, 8, "features")
-    frame = mesh_frame(plane(bent), 2, lens, (160, 90), source).through()
-    assert (frame.canvas.pinhole.width, frame.canvas.pinhole.height) != (160, 90)
-    shares = draw_shares(frame)
-    np.testing.assert_allclose(shares[15:-15, 15:-15, BLUE], 1, atol=1e-3)
-    for shown in pictures(frame, shares).values():
-        assert shown.shape == (90, 160, 3)
 
 
 # Pictures

@@ -308,15 +308,3 @@ def test_a_zoom_that_nobody_announced_is_followed(tmp_path: Path) -> None:
     assert len(found) == 16
     assert np.ptp(np.log(found / focal)) < 0.03
     assert any("zooms" in note for note in solved.quality.notes)
-
-
-@pytest.mark.long
-def test_a_pan_through_a_lens_that_distorts_is_refused(tmp_path: Path) -> None:
-    # Corners nearer to the middle by 8 %, as a wide phone's; solved as a pinhole's it has made up depths.
-    y, x = np.mgrid[: planes.SIZE[1], : planes.SIZE[0]].astype(np.float32)
-    middle = np.array(planes.SIZE) / 2 - 0.5
-    place = np.stack([x, y], axis=-1) - middle
-    square = (place**2).sum(axis=-1, keepdims=True) / (middle**2).sum()
-    wide = (place * (1 + 0.08 * (square - 1)) + middle).astype(np.float32)
-    pictures = [cv2.remap(p, wide, None, cv2.INTER_CUBIC) for p in planes.turning(12)]
-    assert "only turns" in refused(planes.write_clip(tmp_path / "pan", pictures), tmp_path / "work")
