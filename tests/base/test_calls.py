@@ -100,11 +100,3 @@ def test_the_end_of_the_process_ends_its_calls(worker: Worker, waits: None) -> N
     for each in calls:
         with pytest.raises(Ended, match="the helper was ended by SIGKILL"):
             each.result()
-
-
-def test_dropped_calls_are_cancelled(worker: Worker, waits: None) -> None:
-    call = worker.call(wait)
-    worker.leave()
-    assert call.ended and not worker.calls
-    with pytest.raises(Cancelled):
-        call.result()

@@ -12,7 +12,6 @@ import pytest
 from addon.core.base.errors import Remedy, UserError
 from addon.core.base.file_lock import NAME, FolderLock
 from addon.core.sfm.process import SolveProcess
-from addon.core.sfm.state import Staging
 
 from .. import planes
 
@@ -77,24 +76,6 @@ def test_many_at_once_hold_it_one_after_the_other(tmp_path: Path) -> None:
         thread.join()
     assert most[0] == 1 and wins[0] > 0
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_second_solve_of_a_folder_is_refused(tmp_path: Path) -> None:
-    clip, work = planes.write_clip(tmp_path / "walk", planes.sideways(12)), tmp_path / "new" / "work"
-    first = SolveProcess(clip, work)
-    for again in (False, True):
-        with pytest.raises(UserError, match="is being solved into here"):
-            SolveProcess(clip, work, again=again)
-    with pytest.raises(UserError, match="is being solved into here"):
-        Staging(work)
-    try:
-        assert not first.finished and work.exists()
-    finally:
-        first.cancel()
-    assert not (tmp_path / "new").exists()
-    second = SolveProcess(clip, work)
-    second.cancel()
-    assert not (tmp_path / "new").exists()
 
 
 def test_what_a_process_that_was_killed_left_is_no_obstacle(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from addon.core.base.errors import Remedy, UserError
+from addon.core.base.errors import Remedy
 from addon.core.base.messages import (
     Cancel,
     Failure,
@@ -25,7 +25,7 @@ from addon.core.base.messages import (
 )  # fmt: skip
 from addon.core.base.worker import Worker, end, end_all, tend
 
-from ..waiting import PATIENCE, until
+from ..waiting import until
 
 ROOT = Path(__file__).resolve().parents[2]
 SPEAK = "import os, sys; from addon.core.base.messages import *; speak();"
@@ -52,11 +52,6 @@ def test_a_message_is_one_line_that_is_read_as_it_was(message: Message) -> None:
 )  # fmt: skip
 def test_what_is_no_message_is_none(line: str) -> None:
     assert decode(line) is None
-
-
-def test_a_failure_is_the_error_that_it_was() -> None:
-    error = Failure("no solve", remedies=(Remedy.SOLVE,)).error
-    assert isinstance(error, UserError) and str(error) == "no solve" and error.remedies == (Remedy.SOLVE,)
 
 
 def test_a_process_that_people_started_sends_nothing(capfd: pytest.CaptureFixture[str]) -> None:
@@ -124,16 +119,6 @@ def test_a_process_that_does_not_listen_is_killed() -> None:
     end([job])
 
 
-def test_what_happens_after_a_process_is_left() -> None:
-    job, done = started("import time; time.sleep(9000)"), list[str]()
-    job.leave(lambda: done.append("then"))
-    assert job.is_cancelled and not job.is_running and job.poll() == []
-    until(lambda: tend() or done == ["then"])
-    job.leave(lambda: done.append("again"))
-    tend()
-    assert done == ["then"]
-
-
 def test_processes_that_are_left_are_killed_in_the_end() -> None:
     deaf = (
         "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); send(Result()); time.sleep(9000)"
@@ -152,14 +137,6 @@ def test_more_than_a_pipe_holds_is_heard_however_it_is_cut() -> None:
     job, messages = heard(f"[send(Warned({text!r} + str(n))) for n in range(200)]; send(Result())")
     assert messages == [*(Warned(f"{text}{n}") for n in range(200)), Result()]
     assert job.failure is None and len(job.warnings) == 200
-
-
-def test_waiting_for_a_process_reads_its_pipes() -> None:
-    job = started("[send(Progress('a', n, 5000)) for n in range(1, 5001)]; send(Result())")
-    job.wait(PATIENCE)
-    assert job.process is not None and job.process.returncode == 0
-    assert len(job.poll()) == 5001 and not job.is_running
-    assert job.done == 5000 and job.failure is None
 
 
 def test_a_process_is_at_its_end_though_another_holds_its_pipes() -> None:
@@ -194,8 +171,3 @@ def test_a_process_ends_with_the_one_that_started_it() -> None:
     # The pipe is closed by the last of both.
     number = int(ended.stdout)
     until(lambda: not is_there(number))
-
-
-def test_a_program_that_is_not_there_is_told() -> None:
-    with pytest.raises(UserError, match="the solver cannot be started: No such file"):
-        Worker("solver").start(["/is/not/there"])

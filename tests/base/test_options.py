@@ -13,8 +13,7 @@ import pytest
 
 from addon.cli.options import Parser, UsageError, add_options, text_of
 from addon.core.base import options as declared
-from addon.core.base.errors import UserError
-from addon.core.base.options import Option, check, option, options_of
+from addon.core.base.options import Option, option, options_of
 from addon.core.frame.options import APERTURE_OPTIONS, FRAME_OPTIONS, frame_values
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import FINAL
@@ -123,18 +122,6 @@ def test_a_new_option_is_one_of_the_command_line() -> None:
 def test_a_value_that_is_beyond_is_refused(words: str, why: str) -> None:
     with pytest.raises(UsageError, match=why):
         parsed(f"--sharpening-{words}")
-
-
-def test_the_core_checks_the_same_bounds() -> None:
-    check(Sharpening(amount=2.0))
-    for wrong in (
-        Sharpening(amount=2.1),
-        Sharpening(amount=np.nan),
-        Sharpening(steps=10),
-        Sharpening(kernel="no"),
-    ):
-        with pytest.raises(UserError):
-            check(wrong)
 
 
 def test_every_option_of_a_frame_is_a_property_and_one_of_the_command_line(scene: bpy.types.Scene) -> None:

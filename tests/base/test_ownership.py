@@ -13,7 +13,7 @@ import pytest
 
 from addon.core.base import atomic, file_lock
 from addon.core.base.errors import UserError
-from addon.core.base.file_lock import UNKNOWN, is_abandoned, is_gone, process_table
+from addon.core.base.file_lock import UNKNOWN, is_abandoned, process_table
 from addon.core.sfm.state import recover
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -108,13 +108,6 @@ def test_what_cannot_be_told_is_not_removed(home: Path) -> None:
     atomic.collect_orphans(home)
     file_lock.collect_locks(home)
     assert files(home) == before
-
-
-def test_only_processes_of_the_own_table_are_asked_about() -> None:
-    assert len(process_table()) == len(UNKNOWN)
-    assert not is_gone("0123456789ab", 999999999) and not is_gone(UNKNOWN, 999999999)
-    assert not is_gone(process_table(), os.getpid()) and not is_gone(process_table(), os.getppid())
-    assert is_gone(process_table(), 999999999) == (process_table() != UNKNOWN)
 
 
 def test_a_lock_tells_whether_its_owner_lives(home: Path) -> None:

@@ -39,12 +39,6 @@ def test_what_a_dataclass_has_cached_stays_behind(tmp_path: Path) -> None:
     assert there == footage and "fills_display_window" not in vars(there)
 
 
-def test_a_thing_goes_by_its_name() -> None:
-    thing = object()
-    data = pack([thing, 1], lambda each: "it" if each is thing else None)
-    assert unpack(data, {"it": thing}.get) == [thing, 1]
-
-
 def test_the_package_may_have_another_name() -> None:
     data = pack(FrameRange(1, 2))
     there = data.replace(ROOT.encode(), b"addin")

@@ -23,11 +23,6 @@ def test_nested_stages_are_shares_of_the_whole() -> None:
     assert reports == [*depth, ("Views", 0.6), ("Views", 1.0), ("", 1.0)]
 
 
-def test_without_a_scope_nothing_happens() -> None:
-    with stage("Depth", 0, 1), part(0, 3):
-        checkpoint(0.5)
-
-
 def test_cancelling_leaves_no_scope_behind() -> None:
     def stop(name: str, share: float) -> None:
         raise Cancelled

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from addon.core.base import store as stores
-from addon.core.base.arrays import Floats, Map
+from addon.core.base.arrays import Map
 from addon.core.base.errors import UserError
 from addon.core.base.file_lock import FileLock
-from addon.core.base.store import NOT_KEPT, Entry, Store, delete_kept, numbers
+from addon.core.base.store import NOT_KEPT, Entry, Store
 from addon.core.camera.intrinsics import Intrinsics
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.stored_depth import FINEST, SUREST, depth_entry
@@ -92,18 +92,6 @@ def made(store: Store, frames: Sequence[int], make: Callable[[int], np.ndarray])
     return store.made(entries, make)
 
 
-def test_what_is_kept_is_made_once(tmp_path: Path) -> None:
-    calls = list[int]()
-
-    def make(frame: int) -> np.ndarray:
-        calls.append(frame)
-        return np.arange(4)
-
-    for _ in range(2):
-        np.testing.assert_array_equal(made(Store(tmp_path, lambda: "a"), [3], make)[3], np.arange(4))
-    assert calls == [3]
-
-
 def test_several_share_what_is_to_be_made(tmp_path: Path) -> None:
     calls, frames = list[int](), range(12)
 
@@ -134,18 +122,6 @@ def test_what_another_holds_for_too_long_is_made_all_the_same(
     assert sorted(found) == [1, 2]
 
 
-def test_what_frames_are_found_from_goes_first(tmp_path: Path) -> None:
-    key = "a"
-    keep(Store(tmp_path, lambda: key), 1, some(), "single")
-    size = next(tmp_path.rglob("single-*.npz")).stat().st_size
-    store = Store(tmp_path, lambda: key, most=size + size // 2)
-    keep(store, 2, some(), "coarse")
-    assert store.problem is not None
-    keep(store, 1, some())
-    assert store.problem is None
-    assert [path.name for path in tmp_path.rglob("*.npz")] == ["depth-000001.npz"]
-
-
 @pytest.mark.parametrize("damage", ["empty", "cut", "noise", "other"])
 def test_a_damaged_file_is_not_there(tmp_path: Path, damage: str) -> None:
     store = Store(tmp_path, lambda: "a")
@@ -157,64 +133,6 @@ def test_a_damaged_file_is_not_there(tmp_path: Path, damage: str) -> None:
     assert kept(store, 1) is None
     keep(store, 1, some(1))
     assert same(kept(store, 1), rounded(some(1)))
-
-
-def test_nothing_fails_where_nothing_can_be_kept(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    store = Store(tmp_path / "file", lambda: "a")
-    keep(store, 1, some())
-    assert kept(store, 1) is None
-
-
-def test_numbers_of_a_clip_are_made_once_and_again_where_they_are_damaged(tmp_path: Path) -> None:
-    counts = list[int]()
-
-    def row(most: int = 3) -> Floats:
-        def make() -> Floats:
-            counts.append(most)
-            return np.linspace(0.1, 0.7, most)
-
-        return Store(tmp_path, lambda: "key").once(numbers("clip-noise", 0, most), make)
-
-    first = row()
-    np.testing.assert_array_equal(first, row())
-    assert len(counts) == 1
-
-    Store(tmp_path, lambda: "key").write("clip-noise", {"numbers": np.array([1.0, np.nan, 2.0])})
-    np.testing.assert_array_equal(row(), first)
-    row(4)
-    assert counts == [3, 3, 4]
-    assert delete_kept(tmp_path) > 0
-    assert not list(tmp_path.glob("*/clip-*"))
-
-
-def test_processes_that_need_a_result_of_the_clip_wait_for_one_another(tmp_path: Path) -> None:
-    counts = list[int]()
-
-    def make() -> Floats:
-        counts.append(1)
-        time.sleep(0.2)
-        return np.arange(3.0)
-
-    def work(_: int) -> Floats:
-        return Store(tmp_path, lambda: "key").once(numbers("clip-noise", 0, 3), make)
-
-    with ThreadPoolExecutor(3) as pool:
-        answers = list(pool.map(work, range(3)))
-    assert counts == [1]
-    np.testing.assert_array_equal(answers, 3 * [np.arange(3.0)])
-    assert not list(tmp_path.rglob("*.lock"))
-
-
-def test_a_result_of_the_clip_is_made_all_the_same_if_another_holds_it_too_long(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(stores, "LONG_PATIENCE", 0.1)
-    store = Store(tmp_path, lambda: "key")
-    (tmp_path / "key").mkdir()
-    with FileLock(tmp_path / "key" / "clip-noise.lock", UserError):
-        found = store.once(numbers("clip-noise", 0, 3), lambda: np.arange(3.0))
-    np.testing.assert_array_equal(found, np.arange(3.0))
 
 
 def test_what_is_not_ours_is_left_alone(tmp_path: Path) -> None:

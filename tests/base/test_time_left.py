@@ -10,18 +10,10 @@ import pytest
 
 from addon.cli import solve
 from addon.core.base.messages import Progress
-from addon.core.base.time_left import Advance, Clock, TimeLeft
+from addon.core.base.time_left import Advance, Clock
 from addon.core.base.worker import Worker
 from addon.core.sfm.process import SolveProgress
 from addon.core.sfm.steps import SHARES
-
-
-def test_even_work_is_told_from_when_it_can_be() -> None:
-    left = TimeLeft(100.0)
-    assert left.at(101, 0.15) is None  # too short a time
-    assert TimeLeft(100.0).at(104, 0.05) is None  # too small a share
-    for second in range(16, 101):
-        assert left.at(100 + second, second / 100) == pytest.approx(100 - second)
 
 
 def test_a_bar_never_goes_back() -> None:
@@ -37,14 +29,6 @@ def test_a_retry_goes_on_from_where_the_bar_was() -> None:
     advance = Advance()
     shown = [advance.to(share) for share in (0.2, 0.4, 0.2, 0.6, 1.0)]
     assert shown == pytest.approx([0.2, 0.4, 0.4, 0.7, 1.0])
-
-
-def test_estimates_that_contradict_each_other_are_none() -> None:
-    left = TimeLeft(0.0)
-    assert left.at(95, 0.95) == pytest.approx(5)
-    # A stage at whose end the time stands still.
-    assert left.at(400, 0.96) is None
-    assert left.at(410, 0.97) == pytest.approx(12.7, abs=0.1)
 
 
 def test_the_line_of_a_solve_never_jumps(
@@ -81,20 +65,3 @@ def test_the_first_frame_tells_nothing_of_the_others(monkeypatch: pytest.MonkeyP
         "frame 14: 4 of 5, 5.0 s each, 0 min 05 s left",
         "frame 15: 5 of 5, 5.0 s each, 0 min 00 s left",
     ]
-
-
-def test_equal_steps_give_an_estimate_from_the_third_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    now, job = [0.0], Worker()
-    monkeypatch.setattr("addon.core.base.worker.time.monotonic", lambda: now[0])
-    job._progressed(Progress("Depth 3%, first frame", 0, 300))
-    assert (job.stage, job.done, job.left) == ("Depth 3%, first frame", 0, None)
-    left = []
-    for done in (1, 2, 3, 4):
-        # The first step, and the wait for it, are not as long as the others.
-        now[0] = 50.0 + 2 * done
-        job._progressed(Progress("frames", done, 300))
-        left.append(job.left)
-    assert left == [None, None, None, pytest.approx(2 * 296)]
-    # A report of what another frame waits for changes nothing.
-    job._progressed(Progress("Views 9%, first frame", 0, 300))
-    assert (job.stage, job.done, job.total) == ("frames", 4, 300)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import (
     MEDIAN_DEPTH,
     Image,
@@ -35,26 +34,6 @@ def scene(frames: tuple[int, ...] = (1, 2, 5), points: int = 40) -> Reconstructi
     return Reconstruction((LENS,), tuple(images), Points(xyz, rgb, np.zeros(points)))
 
 
-def test_undistort_inverts_distort() -> None:
-    rays = np.random.default_rng(0).uniform(-0.6, 0.6, (500, 2))
-    np.testing.assert_allclose(LENS.undistort(LENS.distort(rays)), rays, atol=1e-11)
-
-
-def test_distortion_is_opencvs() -> None:
-    import cv2
-
-    world = np.random.default_rng(1).uniform([-1, -1, 2], [1, 1, 4], (50, 3))
-    matrix = np.array([[LENS.fx, 0, LENS.cx], [0, LENS.fy, LENS.cy], [0, 0, 1]])
-    lens = np.array([LENS.k1, LENS.k2, LENS.p1, LENS.p2])
-    expected = cv2.projectPoints(world, np.zeros(3), np.zeros(3), matrix, lens)[0][:, 0]
-    np.testing.assert_allclose(LENS.project(world), expected, atol=1e-9)
-
-
-def test_scaled_lens_sees_the_same_places() -> None:
-    world = np.random.default_rng(1).uniform([-1, -1, 2], [1, 1, 4], (50, 3))
-    np.testing.assert_allclose(LENS.scaled(1280, 240).project(world), LENS.project(world) * [2.0, 0.5])
-
-
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-3, 1.0, np.pi - 1e-7, np.pi])
 def test_rotations_survive_every_form(angle: float) -> None:
     for axis in [*np.eye(3), np.array([1.0, -2.0, 3.0]) / np.sqrt(14)]:
@@ -77,16 +56,6 @@ def test_normalise_moves_the_scene_and_not_the_picture() -> None:
     assert up[2] > 0 and np.abs(up[:2]).max() < 1e-12
 
 
-def test_normalise_refuses_nothing_at_all() -> None:
-    with pytest.raises(UserError):
-        normalise(Reconstruction((LENS,), (), scene().points))
-
-
-def test_a_registered_frame_is_itself() -> None:
-    shot = scene()
-    assert shot.image_at(2) == (shot.images[1], False)
-
-
 def test_a_missing_frame_lies_between_its_neighbours() -> None:
     shot = scene()
     image, interpolated = shot.image_at(3)
@@ -103,9 +72,3 @@ def test_a_frame_outside_the_solved_range_takes_the_nearest_pose() -> None:
         image, interpolated = shot.image_at(frame)
         assert interpolated and image.frame == frame
         np.testing.assert_allclose(image.centre, shot.images[nearest].centre, atol=1e-12)
-
-
-def test_views_per_point_counts_points_that_nobody_sees() -> None:
-    shot = scene()
-    extra = Points(np.zeros((41, 3)), np.zeros((41, 3), np.uint8), np.zeros(41))
-    assert Reconstruction(shot.cameras, shot.images, extra).views_per_point.tolist() == [3] * 40 + [0]

@@ -60,26 +60,6 @@ def test_each_place_is_seen_by_the_camera_of_its_time(name: str, readout: tuple[
     np.testing.assert_allclose(rolling.undistort(rolling.distort(rays)), rays, rtol=0, atol=1e-9)
 
 
-def test_the_size_of_the_picture_does_not_matter() -> None:
-    rolling = replace(LENSES["barrel"], turn=TURN, readout=READOUTS["rows"])
-    point = np.array([0.4, -0.2, 1.3])
-    double = rolling.scaled(2 * WIDTH, 2 * HEIGHT)
-    np.testing.assert_allclose(double.project(point), 2 * rolling.project(point), rtol=0, atol=1e-9)
-
-
-def test_a_canvas_shows_all_that_was_read() -> None:
-    rolling = replace(LENSES["pinhole"], turn=TURN, readout=READOUTS["rows"])
-    rolling = replace(rolling, largest_turn=float(np.linalg.norm(TURN)))
-    canvas = Canvas(rolling)
-    assert canvas.pinhole.width > WIDTH and not canvas.pinhole.is_distorted
-    y, x = np.mgrid[:HEIGHT, :WIDTH] / 40
-    picture = np.dstack([np.sin(x), np.cos(y), np.sin(x + y), np.ones_like(x)]).astype(np.float32)
-    picture[..., :3] = picture[..., :3] / 2 + 0.5
-    back = canvas.to_source(canvas.from_source(picture))
-    # Where the reading outruns the turn, the picture is mirrored past its border.
-    assert np.abs(back - picture)[4:-4, 4:-4].max() < 2e-3
-
-
 def shaken(readout: tuple[float, float]) -> Reconstruction:
     """A camera that trembles by a degree and a half from frame to frame; frame 4 has no pose."""
     rng = np.random.default_rng(3)
@@ -167,26 +147,3 @@ def test_a_shutter_slower_than_the_picture_is_refused(name: str) -> None:
             else:
                 assert Canvas(rolling).pinhole.width >= WIDTH
     assert min(found.values()) > 2
-
-
-def test_the_canvas_of_a_frame_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    clip, calls = shaken((0.0, 0.5)), 0
-    jacobian = Intrinsics.distort_jacobian
-
-    def counted(camera: Intrinsics, rays: Floats) -> Floats:
-        nonlocal calls
-        calls += 1
-        return jacobian(camera, rays)
-
-    monkeypatch.setattr(Intrinsics, "distort_jacobian", counted)
-    for size in (None, (320, 180)):
-        canvases = [clip.canvas(image, size) for image in clip.images]
-        assert all(
-            clip.canvas(image, size) is canvas for image, canvas in zip(clip.images, canvases, strict=True)
-        )
-        for image, canvas in zip(clip.images, canvases, strict=True):
-            camera = clip.intrinsics(image)
-            assert canvas.camera == (camera if size is None else camera.scaled(*size))
-            assert canvas.pinhole == Canvas(canvas.camera).pinhole
-    # The lens is tested once at each size, not once for each frame.
-    assert calls <= 2

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.arrays import Floats
-from addon.core.camera.canvas import NODES, Canvas, SmoothPlaces
+from addon.core.camera.canvas import Canvas, SmoothPlaces
 from addon.core.camera.reconstruction import Intrinsics
 from tests.lenses import TERMS, lens_of
 
@@ -36,21 +36,6 @@ def test_pixels_are_where_the_lens_puts_them(model: str, shutter: bool) -> None:
     np.testing.assert_allclose(canvas.canvas_map(), true, rtol=1.2e-7, atol=1e-6)
     true = canvas.features_from_source(centres(*SIZE)) - 0.5
     np.testing.assert_allclose(canvas.source_map(), true, rtol=1.2e-7, atol=1e-6)
-
-
-def test_a_shutter_is_asked_for_few_places() -> None:
-    lens = rolling(Intrinsics(640, 360, 500.0, 500.0, 325.0, 170.0, k1=-0.1))
-    canvas, asked = Canvas(lens), 0
-
-    def place(xy: Floats) -> Floats:
-        nonlocal asked
-        asked += xy[..., 0].size
-        return canvas.features_to_source(xy)
-
-    places = SmoothPlaces(640, 360, place)
-    found = np.concatenate([places.rows(0, 100), places.rows(100, 360)])
-    np.testing.assert_allclose(found, canvas.features_to_source(centres(640, 360)), rtol=0, atol=1e-8)
-    assert asked < 2 * NODES**2
 
 
 @pytest.mark.parametrize("value", [np.nan, 7.0])

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from addon.core.base.arrays import Floats
-from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.camera.steady_path import MOST_ZOOM, SteadyPath, steady_path, zoomed
 
@@ -80,21 +77,3 @@ def test_at_full_strength_the_camera_moves_on_a_line() -> None:
 def test_a_path_that_the_clip_does_not_show_is_smoothed_less() -> None:
     path = steady_path(carried(0.05), 1.0)
     assert path.strength < 1 and path.zoom <= MOST_ZOOM
-
-
-def test_it_does_not_depend_on_where_the_scene_lies() -> None:
-    clip = carried(0.004)
-    away = np.array([300.0, -200.0, 100.0])
-    images = tuple(replace(i, translation=i.translation - i.rotation @ away) for i in clip.images)
-    moved = replace(clip, images=images, points=replace(clip.points, xyz=clip.points.xyz + away))
-    one, other = steady_path(clip, 0.5), steady_path(moved, 0.5)
-    assert np.allclose(one.centres + away, other.centres, atol=1e-9)
-    assert one.zoom == pytest.approx(other.zoom)
-
-
-def test_photos_and_pairs_are_refused() -> None:
-    clip = carried(0.0)
-    with pytest.raises(UserError, match="photos"):
-        steady_path(replace(clip, is_ordered=False), 0.5)
-    with pytest.raises(UserError, match="three frames"):
-        steady_path(replace(clip, images=clip.images[:2]), 0.5)

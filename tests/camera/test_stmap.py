@@ -8,7 +8,7 @@ import pytest
 
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.intrinsics import Intrinsics
-from addon.core.camera.stmap import channels, redistort_map, undistort_map
+from addon.core.camera.stmap import redistort_map, undistort_map
 
 BARREL = Intrinsics(640, 360, 420.0, 430.0, 331.0, 170.0, k1=-0.15, k2=0.02, p1=0.001, p2=-0.002)
 PINCUSHION = Intrinsics(640, 360, 520.0, 520.0, 320.0, 180.0, k1=0.12)
@@ -57,10 +57,3 @@ def test_a_map_says_where_the_lens_shows_a_point() -> None:
     x, y = BARREL.project(ray)
     u, v = undistort_map(canvas)[20, 700]
     assert (u * 640, (1 - v) * 360) == pytest.approx((x, y), abs=1e-3)
-
-
-def test_red_is_u_and_green_is_v() -> None:
-    made = channels(undistort_map(Canvas(BARREL)))
-    assert set(made) == set("RGB") and all(each.dtype == np.float32 for each in made.values())
-    assert made["R"][100, 0] < made["R"][100, -1] and made["G"][0, 100] > made["G"][-1, 100]
-    assert not made["B"].any()

@@ -9,10 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.cli.aperture import set_shape
 from addon.cli.main import run_command
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.optics.aperture import Aperture
 from addon.core.readers.colmap_export import write_model
 
 from ..scenes import slanted_plane, write_frames
@@ -76,8 +74,7 @@ def test_the_shape_is_drawn_and_tells_frames_apart(work: Path, letter: Path, tmp
 
 @pytest.mark.parametrize(
     ("word", "said"),
-    [("blades=90", "from 0 to 16"), ("blades=5.5", "whole number"), ("ratio=0.5", "from 1 to 10"),
-     ("apodisation=1", "from 0 to 0.99"), ("ratio=nan", "not a number"), ("ratio=wide", "not a number"),
+    [("blades=90", "from 0 to 16"), ("blades=5.5", "whole number"), ("ratio=wide", "not a number"),
      ("blade=5", "is not valid"), ("blades", "is not valid")],
 )  # fmt: skip
 def test_words_that_are_no_shape_are_refused(
@@ -97,15 +94,6 @@ def test_a_picture_that_is_not_there_is_named(
     assert not (tmp_path / "o").exists()
 
 
-def test_settings_are_the_core_s_shape(scene: bpy.types.Scene) -> None:
-    settings = scene.virtual_aperture
-    assert settings.shape.aperture == Aperture() and settings.shape.aperture.is_disc
-    set_shape(settings, ["blades=6", "rotation=90", "roundness=0.25", "obstruction=0.5"])
-    shape = settings.shape.aperture
-    assert (shape.blades, shape.roundness, shape.obstruction) == (6, 0.25, 0.5)
-    assert shape.rotation == pytest.approx(np.pi / 2)
-
-
 def test_the_picture_goes_with_the_blend(work: Path, letter: Path, tmp_path: Path) -> None:
     blend = tmp_path / "sent" / "a.blend"
     assert run("save", work, "--blend", blend, *lens(f"image={letter}")) == 0
@@ -115,17 +103,6 @@ def test_the_picture_goes_with_the_blend(work: Path, letter: Path, tmp_path: Pat
     shape = bpy.context.scene.virtual_aperture.shape
     assert shape.image == f"//aperture/{letter.name}"
     assert shape.aperture.image is not None
-
-
-def test_the_picture_goes_with_a_farm_s_job(work: Path, letter: Path, tmp_path: Path) -> None:
-    out = tmp_path / "job"
-    assert run("farm", work, *lens("ratio=2", f"image={letter}"), "--out", out) == 0
-    assert "ratio" not in (out / "template.json").read_text()
-    assert next(out.rglob(letter.name)).read_bytes() == letter.read_bytes()
-    bpy.ops.wm.open_mainfile(filepath=str(out / "input" / "scene.blend"))
-    shape = bpy.context.scene.virtual_aperture.shape
-    assert shape.image == f"//aperture/{letter.name}"
-    assert shape.aperture.ratio == 2 and shape.aperture.image is not None
 
 
 def test_the_picture_waits_for_a_solve(work: Path, letter: Path, tmp_path: Path) -> None:

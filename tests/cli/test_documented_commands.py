@@ -99,14 +99,3 @@ def test_a_command_line_is_understood(document: str, command: str) -> None:
 @pytest.mark.parametrize(("document", "command"), dict.fromkeys(named()))
 def test_a_command_has_the_options_it_is_named_with(document: str, command: str) -> None:
     assert unknown(command) == set(), document
-
-
-def test_wrong_ones_are_found() -> None:
-    for wrong in (
-        "render DIR --focus-att 0.5,0.5 --out a.mp4",
-        "solvee clip.mp4 --work DIR",
-        "solve clip.mp4",
-    ):
-        with pytest.raises(UserError):
-            parser().parse_args(words(wrong))
-    assert unknown("solve FOOTAGE --work DIR [--deep]") == {"--deep"}

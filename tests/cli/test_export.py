@@ -15,10 +15,10 @@ from addon.core.media.light import to_linear
 
 from ..command_line import done, here
 from ..pictures import channels
-from .known_planes import LENS, import_planes
+from .solved_clips import PLANES_LENS, import_planes
 
 LOOK = ("--focus-distance", 6, "--aperture-radius", 0.25, "--highlights", "off")
-SIZE = LENS.width, LENS.height
+SIZE = PLANES_LENS.width, PLANES_LENS.height
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +32,6 @@ def layers(work: Path) -> Path:
     out = work.parent / "layers"
     done("export", work, "--what", "layers", *LOOK, "--frames", "5", "--out", out)
     return out / "layers_0005.exr"
-
-
-@pytest.fixture(scope="module")
-def maps(work: Path) -> Path:
-    """The folder of the clip's STMaps."""
-    out = work.parent / "maps"
-    assert "wrote 2 files" in done("export", work, "--what", "stmap", "--out", out)
-    return out
 
 
 @pytest.fixture
@@ -122,17 +114,6 @@ def test_channels_are_read_to_the_bit(tree: bpy.types.NodeTree, tmp_path: Path) 
     other = layer_node(tree, tmp_path / "made.exr", "Hidden")
     half = shown(tree, other.outputs["Combined"], tmp_path / "half.exr")
     np.testing.assert_array_equal(half[..., 2], made["Hidden.Combined.B"].astype("f4"))
-
-
-def test_one_pair_of_maps_for_a_lens_that_stays(maps: Path, tree: bpy.types.NodeTree, tmp_path: Path) -> None:
-    assert {each.name for each in maps.iterdir()} == {"undistort.exr", "redistort.exr"}
-    node = tree.nodes.new("CompositorNodeImage")
-    node.image = bpy.data.images.load(str(maps / "undistort.exr"))
-    uv = shown(tree, node.outputs["Image"], tmp_path / "uv.exr")
-    # The planes' lens has no distortion.
-    width, height = SIZE
-    np.testing.assert_allclose(uv[7, :, 0], (np.arange(width) + 0.5) / width, atol=1e-6)
-    np.testing.assert_allclose(uv[:, 3, 1], 1 - (np.arange(height) + 0.5) / height, atol=1e-6)
 
 
 def test_nothing_is_overwritten_and_nothing_is_left(work: Path, layers: Path, tmp_path: Path) -> None:

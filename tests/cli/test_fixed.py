@@ -22,7 +22,6 @@ pytestmark = pytest.mark.usefixtures("registered")
 FRAMES = tuple(range(1, 13))
 FRAME = 6
 BARS = {
-    "letterbox": (22, 18, 0, 0),
     "pillarbox": (0, 0, 24, 30),
     "window": (12, 12, 20, 20),
     "one": (0, 21, 0, 0),
@@ -78,7 +77,7 @@ def alone(
 
 
 @pytest.mark.parametrize(
-    ("name", "colour"), [("letterbox", 0), ("pillarbox", 16), ("window", 235), ("one", 0)]
+    ("name", "colour"), [pytest.param("pillarbox", 16, marks=pytest.mark.long), ("window", 235), ("one", 0)]
 )
 def test_the_picture_ends_at_bars_as_at_its_border(
     name: str,

@@ -9,10 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.render.output import output
 from addon.scene.lens.lens import keys_of
 
-from .tracked_plane import FRAMES, run, work
+from .solved_clips import FRAMES, run, work
 
 __all__ = ["work"]
 PULL = ("--focus-at", "0.2,0.5@2", "--focus-at", "0.8,0.5@5", "--method", "features")
@@ -72,7 +71,6 @@ def test_a_pulled_frame_is_the_one_at_its_distance(work: Path, tmp_path: Path) -
     [
         (("0.2,0.5@2", "0.8,0.4"), "focus at 0.8,0.4 has no frame; a focus pull needs X,Y@FRAME"),
         (("0.2,0.5@2", "0.8,0.5@2"), "two focus marks are at frame 2"),
-        (("0.2,0.5@2", "0.8,1.5@4"), "0.8,1.5 is outside the picture"),
         (("0.2,0.5@2", "0.8,0.5@40"), "frame 40 is after the end of the clip"),
     ],
 )
@@ -82,29 +80,3 @@ def test_marks_that_make_no_pull_are_refused(
     focus = [word for mark in marks for word in ("--focus-at", mark)]
     assert run("render", work, *focus, "--method", "features", "--out", tmp_path / "####.png") == 1
     assert said in capsys.readouterr().err
-
-
-def test_processes_side_by_side_pull_as_one_does(work: Path, tmp_path: Path) -> None:
-    lens = (*PULL, "--frames", "2-5")
-    assert run("render", work, *lens, "--out", tmp_path / "one" / "####.png") == 0
-    assert run("render", work, *lens, "--out", tmp_path / "two" / "####.png", "--jobs", 2) == 0
-    one, two = pictures(tmp_path / "one"), pictures(tmp_path / "two")
-    assert list(one) == list(two)
-    for name, picture in one.items():
-        np.testing.assert_array_equal(two[name], picture)
-
-
-def test_a_keyed_aperture_counts_at_every_frame(work: Path, tmp_path: Path) -> None:
-    lens = ("--focus-distance", 6, "--aperture-radius", 0.02, "--method", "features")
-    assert run("save", work, "--blend", tmp_path / "a.blend", *lens) == 0
-    scene = bpy.context.scene
-    settings = scene.virtual_aperture
-    for frame, radius in ((2, 0.02), (5, 0.4)):
-        settings.aperture_radius = radius
-        scene.keyframe_insert(settings.path_from_id("aperture_radius"), frame=frame)
-    settings.views = 16
-    output.render_sequence(scene, [2, 5], tmp_path / "o" / "####.png", False, lambda line: None)
-    sharp, blurred = pictures(tmp_path / "o").values()
-    # The clip shows the same picture in all frames.
-    detail = [np.abs(np.diff(picture.astype(float), axis=1)).mean() for picture in (sharp, blurred)]
-    assert detail[1] < 0.7 * detail[0]

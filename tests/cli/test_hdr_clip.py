@@ -14,8 +14,7 @@ from addon.scene.sources import colour_space
 
 from ..media.colour_curves import HLG, LOGS, PQ, Array, Recorded, write_clip
 from ..scenes import psnr
-from .hdr_frames import LENS, SHOWN, filmed
-from .tracked_plane import imported, run
+from .solved_clips import BRIGHT, SHOWN, filmed, imported, run
 
 LUMA = np.array([0.2627, 0.6780, 0.0593])
 
@@ -36,7 +35,7 @@ def write_exr(folder: Path, pictures: list[Array]) -> Path:
 
 def rendered(work: Path, out: Path, *options: object) -> Array:
     """A frame in linear light."""
-    assert run("render", work, *LENS, *options, "--frames", SHOWN, "--out", out / "####.exr") == 0
+    assert run("render", work, *BRIGHT, *options, "--frames", SHOWN, "--out", out / "####.exr") == 0
     return read_picture(out / f"{SHOWN:04d}.exr")[..., :3].astype(float)
 
 
@@ -58,7 +57,7 @@ def test_it_is_rendered_as_its_light_is(registered: None, tmp_path: Path, space:
     print(f"{space.name}: {score:.2f} dB of its signal from EXR in, EXR out")
     assert score > 40
     movie = tmp_path / "out.mp4"
-    assert run("render", work, *LENS, *said, "--frames", "2-4", "--out", movie) == 0
+    assert run("render", work, *BRIGHT, *said, "--frames", "2-4", "--out", movie) == 0
     clip = open_footage(movie)
     stored = clip.read(SHOWN - 1)
     assert stored.dtype == np.uint16

@@ -15,8 +15,7 @@ from addon.render import engine
 from addon.scene.sources import hdr_view
 
 from ..media.colour_curves import HLG, PQ, Array, Recorded, write_clip
-from .hdr_frames import LENS, SHOWN, filmed
-from .tracked_plane import imported, run
+from .solved_clips import BRIGHT, SHOWN, filmed, imported, run
 
 
 def pq(nits: Array) -> Array:
@@ -55,7 +54,7 @@ def test_the_curve_is_the_reports() -> None:
 
 
 def written(work: Path, out: Path, suffix: str) -> Array:
-    assert run("render", work, *LENS, "--grain", 0, "--frames", SHOWN, "--out", out / f"####{suffix}") == 0
+    assert run("render", work, *BRIGHT, "--grain", 0, "--frames", SHOWN, "--out", out / f"####{suffix}") == 0
     return read_picture(out / f"{SHOWN:04d}{suffix}")[..., :3].astype(float)
 
 
@@ -87,7 +86,7 @@ def test_a_usual_clip_has_no_curve(registered: None, tmp_path: Path) -> None:
 def saved(folder: Path) -> Path:
     write_clip(folder / "clip.mov", [3 * light for light in filmed(folder / "plane")], HLG)
     blend = folder / "a.blend"
-    assert run("save", imported(folder, folder / "clip.mov"), *LENS, "--blend", blend) == 0
+    assert run("save", imported(folder, folder / "clip.mov"), *BRIGHT, "--blend", blend) == 0
     return blend
 
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from addon.scene.base.exr import read
 from benchmarks.torture import clip
 
 from .. import planes
@@ -73,7 +69,7 @@ def test_a_movie_with_rate_sound_and_a_sharp_subject(desk_work: Path, desk: Path
 
 
 def test_a_sequence_goes_on_where_it_stopped(work: Path, tmp_path: Path) -> None:
-    lens = ("render", work, "--focus-at", TRACKED, "--views", 4, "--method", "features", "--frames", "3-9:3")
+    lens = ("render", work, "--focus-distance", 6, "--views", 4, "--method", "features", "--frames", "3-9:3")
     out = tmp_path / "frames" / "####.png"
     done(*lens, "--out", out)
     names = ["0003.png", "0006.png", "0009.png"]
@@ -87,14 +83,6 @@ def test_a_sequence_goes_on_where_it_stopped(work: Path, tmp_path: Path) -> None
     assert other.returncode == 1 and "other settings" in other.stderr
     done(*lens, "--blur", 0.05, "--out", out, "--overwrite")
     assert (out.parent / "0003.png").stat().st_mtime_ns != stamp
-
-
-def test_exr_is_written(work: Path, tmp_path: Path) -> None:
-    done(
-        "render", work, "--focus-distance", 3, "--aperture-radius", 0.05, "--views", 2, "--frames", 5,
-        "--out", tmp_path / "e" / "f_####.exr", "--method", "features",
-    )  # fmt: skip
-    assert read(tmp_path / "e" / "f_0005.exr").shape == (54, 96, 4)
 
 
 @pytest.mark.long
@@ -122,50 +110,11 @@ def test_gaps_and_odd_sizes_go_through(tmp_path: Path) -> None:
     assert [int(movie.get(p)) for p in sizes] == [16, 158, 118]
 
 
-def test_the_thesis_method_renders(work: Path, tmp_path: Path) -> None:
-    out = tmp_path / "t" / "####.png"
-    done(
-        "render", work, "--focus-point", 0, 1, "--method", "thesis", "--views", 8, "--seed", 3,
-        "--frames", 1, "--out", out,
-    )  # fmt: skip
-    assert cv2.imread(str(tmp_path / "t" / "0001.png")).shape == (54, 96, 3)
-
-
-@pytest.mark.long
-def test_a_saved_blend_renders_when_it_was_moved(work: Path, tmp_path: Path) -> None:
-    done("save", work, "--focus-at", TRACKED, "--views", 4, "--blend", tmp_path / "a" / "tiny.blend")
-    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["clip.mp4", "tiny.blend"]
-    shutil.move(tmp_path / "a", tmp_path / "b")
-    script = (
-        "import sys; sys.path.insert(0, sys.argv[1]); import bpy, addon; addon.register();"
-        "bpy.ops.wm.open_mainfile(filepath=sys.argv[2]); bpy.context.scene.frame_end = 1;"
-        "bpy.ops.render.render(animation=True)"
-    )
-    blend = tmp_path / "b" / "tiny.blend"
-    subprocess.run([sys.executable, "-c", script, str(ROOT), str(blend)], check=True, capture_output=True)
-    done(
-        "render",
-        work,
-        "--focus-at",
-        TRACKED,
-        "--views",
-        4,
-        "--frames",
-        1,
-        "--out",
-        tmp_path / "c" / "####.png",
-    )
-    a = cv2.imread(str(tmp_path / "b" / "render" / "0001.png")).astype(float)
-    b = cv2.imread(str(tmp_path / "c" / "0001.png")).astype(float)
-    assert np.abs(a - b).mean() <= 1
-
-
-def bad_inputs(tmp: Path) -> dict[str, tuple[list[object], str]]:
-    tmp.mkdir(exist_ok=True)
-    out = ["--focus-at", "0.5,0.5", "--out", tmp / "o.mp4"]
-    empty, mixed, one, same, locked = (tmp / n for n in ("empty", "mixed", "one", "same", "locked"))
-    for folder in (empty, mixed, one, same, locked):
-        folder.mkdir()
+def test_bad_input_is_one_line_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = tmp_path / "in"
+    empty, mixed, one, same = (given / name for name in ("empty", "mixed", "one", "same"))
+    for folder in (empty, mixed, one, same):
+        folder.mkdir(parents=True)
     picture = np.random.default_rng(0).integers(0, 255, (48, 64, 3), dtype=np.uint8)
     cv2.imwrite(str(mixed / "1.png"), picture)
     for number in (2, 3, 4):
@@ -173,54 +122,32 @@ def bad_inputs(tmp: Path) -> dict[str, tuple[list[object], str]]:
     cv2.imwrite(str(one / "0001.png"), picture)
     for number in range(5):
         cv2.imwrite(str(same / f"{number}.png"), cv2.resize(picture, (320, 240)))
-    (tmp / "zero.mp4").touch()
-    (tmp / "text.mp4").write_text("not a video\n" * 50)
-    (tmp / "file").touch()
-    return {
-        "missing file": (["run", tmp / "nope.mp4", *out], "nope.mp4 does not exist"),
-        "no images": (["run", empty, *out], "has no images"),
-        "one frame": (["run", one, *out], "at least 4"),
-        "all frames equal": (["run", same, *out], "does not move"),
-        "two sizes": (["run", mixed, *out], "2.png is 64x40, the clip is 64x48"),
-        "empty video": (["run", tmp / "zero.mp4", *out], "is empty (0 bytes)"),
-        "text as video": (["run", tmp / "text.mp4", *out], "not a video that can be read"),
-        "output in a file": (["run", CLIP, *out[:2], "--out", tmp / "file" / "o.mp4"], "cannot be written"),
-        "unknown output": (
-            ["run", CLIP, *out[:2], "--out", tmp / "o.gif"],
-            "o.gif is not a known output format",
-        ),
-        "one name for all": (["run", CLIP, *out[:2], "--out", tmp / "o.png"], "write ####.png"),
-        "focus outside": (["run", CLIP, "--focus-at", "1.2,0.5", *out[2:]], "outside the picture"),
-        "focus nonsense": (["run", CLIP, "--focus-at", "left", *out[2:]], "write X,Y"),
-        "negative aperture": (["run", CLIP, *out, "--aperture-radius", "-1"], "--aperture-radius is -1"),
-        "zero blur": (["run", CLIP, *out, "--blur", "0"], "blur is 0; it must be greater than zero"),
-        "no views": (["run", CLIP, *out, "--views", "-3"], "views cannot be -3"),
-        "views nonsense": (["run", CLIP, *out, "--views", "many"], "it can also be auto"),
-        "frames outside": (["run", CLIP, *out, "--frames", "90-99"], "has no frames 90-99"),
-        "frames nonsense": (["run", CLIP, *out, "--frames", "a-b"], "are not valid"),
-        "no solve": (["render", empty, *out], "holds no solve"),
-    }
-
-
-@pytest.mark.parametrize("name", [
-    "missing file", "no images", "one frame", "all frames equal", "two sizes", "empty video", "text as video",
-    "output in a file", "unknown output", "one name for all", "focus outside", "focus nonsense",
-    "negative aperture", "zero blur", "no views", "views nonsense", "frames outside", "frames nonsense",
-    "no solve",
-])  # fmt: skip
-def test_bad_input_is_one_line_and_leaves_nothing(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    arguments, message = bad_inputs(tmp_path / "in")[name]
-    before = sorted(str(p) for p in (tmp_path / "in").rglob("*"))
+    (given / "text.mp4").write_text("not a video\n" * 50)
+    (given / "file").touch()
     monkeypatch.chdir(tmp_path)
-    ended = (headless if name == "missing file" else here)(*arguments)
-    said = [line for line in ended.stderr.splitlines() if line and "EGL" not in line]
-    assert len(said) == 1 and said[0].startswith("error: ") and message in said[0], ended.stderr
-    # 2 says that the arguments were not understood.
-    assert ended.returncode == (2 if said[0].endswith("--help") else 1)
-    assert sorted(str(p) for p in (tmp_path / "in").rglob("*")) == before
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["in"]
+    before = sorted(str(path) for path in given.rglob("*"))
+    for words, out, message in (
+        (("run", given / "nope.mp4"), "o.mp4", "nope.mp4 does not exist"),
+        (("run", empty), "o.mp4", "has no images"),
+        (("run", one), "o.mp4", "at least 4"),
+        (("run", same), "o.mp4", "does not move"),
+        (("run", mixed), "o.mp4", "2.png is 64x40, the clip is 64x48"),
+        (("run", given / "text.mp4"), "o.mp4", "not a video that can be read"),
+        (("run", CLIP), "file/o.mp4", "cannot be written"),
+        (("run", CLIP), "o.gif", "o.gif is not a known output format"),
+        (("run", CLIP), "o.png", "write ####.png"),
+        (("run", CLIP, "--frames", "90-99"), "o.mp4", "has no frames 90-99"),
+        (("render", empty), "o.mp4", "holds no solve"),
+    ):
+        ended = (headless if "nope" in message else here)(
+            *words, "--focus-at", "0.5,0.5", "--out", given / out
+        )
+        said = [line for line in ended.stderr.splitlines() if line and "EGL" not in line]
+        assert len(said) == 1 and said[0].startswith("error: ") and message in said[0], ended.stderr
+        # 2 says that the arguments were not understood.
+        assert ended.returncode == (2 if said[0].endswith("--help") else 1)
+        assert sorted(str(path) for path in given.rglob("*")) == before
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
 
 
 def test_the_folder_of_another_clip_is_left_alone(work: Path, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from ..scenes import LENS, write_frames
 from ..slanted_clip import LENS_OPTIONS, keep, video
 
 
-@pytest.mark.parametrize("name", ["solve.json", "link.json", "moved.json", "template.json"])
+@pytest.mark.parametrize("name", ["link.json", "moved.json", "template.json"])
 def test_no_report_replaces_a_solve_or_a_job(
     registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:

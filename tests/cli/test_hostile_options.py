@@ -26,8 +26,6 @@ HEADLESS = Path(__file__).resolve().parents[2] / "addon" / "headless.py"
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 FRAMES = tuple(range(1, 7))
 FOCUS = ("--focus-distance", "6", "--method", "features", "--views", "2")
-LONG = "9" * 20
-NO_NUMBERS = ("nan", "inf", "1e400", "", "1_0", "\u0661")
 
 Shared = Callable[[str, Callable[[Path], object]], Path]
 
@@ -66,28 +64,20 @@ def lens(*words: str) -> tuple[str, ...]:
 
 WRONG = [
     (("--frames", "1-4:0"), "the frame step is 0"),
-    (("--frames", ""), "frames '' are not valid"),
-    (("--frames", "\u0661-\u0664"), "are not valid"),
     (("--frames", "3-1"), "no frames 3-1"),
     (("--views", "1_0"), "'1_0' is not a whole number; it can also be auto"),
     (("--views", "1000000000"), "views cannot be 1000000000; give a number from 0 to 4096"),
-    (("--views", "9" * 5000), "is not a whole number"),
-    (("--seed", "-1"), "seed cannot be -1; give a number from 0 to 2147483647"),
-    (("--focus-point", LONG), "is not from 0 to"),
-    (("--focus-plane", "1", "2", LONG), "is not from 0 to"),
+    (("--focus-point", "9" * 20), "is not from 0 to"),
     (("--focus-distance", "1e-300"), "too small"),
-    (("--focus-at", f"0.5,0.5@{LONG}"), "frame"),
     (("--focus-at", "nan,0.5"), "is not valid"),
     (("--aperture", "image="), "name is empty"),
-    (("--aperture", "blades=1_0"), "is not a whole number"),
+    (("--aperture", "coma=\u0661"), "is not a number"),
     (("--jobs", "1000000000"), "is not from 1 to 1000"),
     (("--highlights", "nan"), "is not a number; it can also be off"),
-    (("--highlight-threshold", "-1"), ""),
-    (("--blur", "1e39"), ""),
-    *((("--tilt", value), "is not a number") for value in NO_NUMBERS),
-    *((("--aperture", f"coma={value}"), "is not a number") for value in NO_NUMBERS),
-]  # fmt: skip
-"""Each parser with what it refuses; those of plain numbers and of the aperture's with every kind of word."""
+    (("--highlight-threshold", "97"), "clipping threshold cannot be 97; give a number from 0.1 to 1"),
+    (("--tilt", "1e400"), "is not a number"),
+]
+"""Each parser with something that it refuses; numbers themselves are tested in tests/base/test_numbers.py."""
 
 
 @pytest.mark.parametrize(("words", "why"), WRONG)
@@ -99,36 +89,17 @@ def test_a_number_that_means_nothing_is_refused(
     assert not out.parent.exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("focal", "nan"), ("focal", "0"), ("focal35", "-1"), ("focal35", "1e-300"), ("fov", "0"),
-     ("focal-mm", ""), ("sensor-mm", "0")],
-)  # fmt: skip
-def test_a_focal_length_that_means_nothing_is_refused(
-    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, value: str
-) -> None:
-    words = ["solve", work.parent / "clip", "--work", tmp_path / "w", f"--{name}", value]
-    words += {"focal-mm": ["--sensor-mm", "36"], "sensor-mm": ["--focal-mm", "50"]}.get(name, [])
-    refusal(capfd, *words)
-    assert not (tmp_path / "w").exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "why"),
-    [(("--focal", "272000"), "lenses have 5 to 4000"), (("--fov", "179.99"), "lenses have"),
-     (("--focal35", "1"), "lenses have")],
-)  # fmt: skip
 def test_a_focal_length_that_no_lens_has_is_refused_before_the_solve(
-    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], words: tuple[str, str], why: str
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert why in refusal(capfd, "solve", work.parent / "clip", "--work", tmp_path / "w", *words)
+    words = ("solve", work.parent / "clip", "--work", tmp_path / "w", "--focal", "272000")
+    assert "lenses have 5 to 4000" in refusal(capfd, *words)
     assert not (tmp_path / "w").exists()
 
 
 @pytest.mark.parametrize(
     "words",
     [("render", "DIR"), ("no-such-command",), ("render", "DIR", "--out", "", "--focus-at", "0,0"),
-     ("render", "DIR", "--out", "o.mp4", "--focus-at", "0,0", "--what\nis this"),
      ("render", "a\nb", "--out", "####.png", "--focus-at", "0,0"), ()],
 )  # fmt: skip
 def test_words_that_are_not_understood_are_one_line(
@@ -163,9 +134,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     assert [path.name for path in tmp_path.iterdir()] == [place]
 
 
-@pytest.mark.parametrize(
-    ("made", "place"), [(Path.touch, "o.mp4.frames"), (nowhere, "o.mp4.frames"), (loop, "there")]
-)
+@pytest.mark.parametrize(("made", "place"), [(nowhere, "o.mp4.frames"), (loop, "there")])
 def test_a_folder_that_cannot_be_one_is_refused_before_the_work(
     work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], made: Callable[[Path], None], place: str
 ) -> None:
@@ -175,11 +144,10 @@ def test_a_folder_that_cannot_be_one_is_refused_before_the_work(
     assert [path.name for path in tmp_path.iterdir()] == [place]
 
 
-@pytest.mark.parametrize("made", [folder, loop, nowhere])
 def test_a_blend_that_cannot_be_written_is_refused(
-    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], made: Callable[[Path], None]
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    made(tmp_path / "a.blend")
+    loop(tmp_path / "a.blend")
     assert "a.blend" in refusal(capfd, "save", work, "--blend", tmp_path / "a.blend", "--overwrite")
     assert [path.name for path in tmp_path.iterdir()] == ["a.blend"]
 
@@ -210,17 +178,6 @@ def test_a_slit_is_an_aperture_however_thin_its_picture_is(work: Path, tmp_path:
     assert across[1, 40000] == pytest.approx(across[1, 5000], rel=0.01)
 
 
-def test_discs_are_told_of_the_frame_that_is_rendered(
-    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    for number, more in enumerate(((), ("--for-movie",))):
-        out = tmp_path / str(number) / "####.png"
-        words = ("render", work, *FOCUS, "--frames", "4-4", *more, "--out", out)
-        assert run_command([str(each) for each in words]) == 0
-        said = capfd.readouterr().out
-        assert "largest blur discs at frame 4:" in said and "sharp at frame 4:" in said
-
-
 def headless(words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """A command line as a shell runs it, with the program as $VA."""
     return subprocess.run(
@@ -235,8 +192,8 @@ RENDER = " ".join(("$VA render WORK", *FOCUS, "--frames 2-3 --out o/####.png"))
 @pytest.mark.long
 @pytest.mark.parametrize(
     "shell",
-    ["RENDER >&-", "RENDER 2>&-", "RENDER <&- >&- 2>&-", "RENDER | head -1; exit ${PIPESTATUS[0]}",
-     "RENDER | true; exit ${PIPESTATUS[0]}", "RENDER 2>&1 | true; exit ${PIPESTATUS[0]}"],
+    ["RENDER <&- >&- 2>&-", "RENDER | head -1; exit ${PIPESTATUS[0]}",
+     "RENDER 2>&1 | true; exit ${PIPESTATUS[0]}"],
 )  # fmt: skip
 def test_a_render_is_finished_where_nobody_listens(work: Path, tmp_path: Path, shell: str) -> None:
     done = headless(shell.replace("RENDER", RENDER).replace("WORK", str(work)), tmp_path)
@@ -251,11 +208,6 @@ def test_words_that_a_full_disk_lost_are_no_success(work: Path, tmp_path: Path) 
     assert done.returncode == 1
     assert done.stderr.startswith("error: standard output cannot be written: No space left")
     assert len(done.stderr.splitlines()) == 1
-
-
-def test_help_ends_well_where_nobody_listens(tmp_path: Path) -> None:
-    done = headless("$VA render --help | true; exit ${PIPESTATUS[0]}", tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("program", ["", pytest.param("nohup", marks=pytest.mark.long)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -122,20 +121,9 @@ def check(shot: Shot, work: Path, *words: object, frame: int = FRAME) -> None:
     assert score > shot.score - 0.1
 
 
-WRITERS: dict[str, Callable[[Path, Reconstruction], Path]] = {
-    "transforms": lambda folder, known: files.transforms(folder / "transforms.json", known),
-    "colmap": lambda folder, known: files.colmap(folder / "colmap", known),
-    "megasam": lambda folder, known: files.megasam(folder / "shot_sgd_cvd_hr.npz", known),
-    "vipe": lambda folder, known: files.vipe(folder / "vipe", known),
-    "depth_anything": lambda folder, known: files.depth_anything(folder / "results.npz", known),
-}
-
-
-@pytest.mark.parametrize(
-    "source", ["transforms", *(pytest.param(name, marks=pytest.mark.long) for name in list(WRITERS)[1:])]
-)
-def test_cameras_without_points(shot: Shot, source: str, tmp_path: Path) -> None:
-    path = WRITERS[source](tmp_path, shot.known)
+def test_cameras_without_points(shot: Shot, tmp_path: Path) -> None:
+    """What other formats tell is the same: tests/readers/test_cameras_alone.py."""
+    path = files.transforms(tmp_path / "transforms.json", shot.known)
     check(shot, tmp_path / "work", path, "--footage", shot.clip)
 
 

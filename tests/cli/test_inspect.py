@@ -1,70 +1,18 @@
-"""Inspecting a frame, and reports of a run: files of reports, the operator and the command line."""
+"""Inspecting a frame, and reports of a run, on the command line."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import pytest
 
-from addon.core.base.errors import UserError
-from addon.core.base.progress import Cancelled, reporting
 from addon.core.frame.inspection import NAMES
 from addon.core.frame.report import FrameReport
-from addon.render.output.run_report import RunReport, check_report
 
 from ..command_line import done, here
-from ..disc_and_wall import disc_and_wall
-from .known_planes import LENS, import_planes
-
-# Files of reports
-
-
-def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
-    drawn, path = disc_and_wall(), tmp_path / "of" / "a.json"
-
-    def draw(report: RunReport, *frames: int) -> None:
-        for frame in frames:
-            report.on_frame(replace(drawn, number=frame))
-
-    first = RunReport(path, "key")
-    draw(first, 4, 2)
-    held = json.loads(path.read_text())
-    assert [entry["frame"] for entry in held["frames"]] == [2, 4]
-    assert [p.name for p in path.parent.iterdir()] == ["a.json"]
-    again = RunReport(path, "key")
-    draw(again, 3)
-    assert [entry["frame"] for entry in json.loads(path.read_text())["frames"]] == [2, 3, 4]
-    assert again.lacks([1, 2, 3]) == [1] and "3 frames drawn by layers" in again.summary([2, 3, 4])
-    with pytest.raises(UserError, match="other settings"):
-        RunReport(path, "other")
-    draw(RunReport(path, "other", overwrite=True), 9)
-    assert [entry["frame"] for entry in json.loads(path.read_text())["frames"]] == [9]
-    # Cancelled while the shares are drawn: nothing is said of the frame.
-    stopped = RunReport(tmp_path / "b.json", "key")
-
-    def stop(_stage: str, _share: float) -> None:
-        raise Cancelled
-
-    with pytest.raises(Cancelled), reporting(stop):
-        stopped.on_frame(drawn)
-    assert not (tmp_path / "b.json").exists()
-
-
-def test_another_file_is_left_alone(tmp_path: Path) -> None:
-    for name, text in (("mine.json", '{"frames": []}'), ("list.json", "[]"), ("text.json", "not JSON")):
-        (tmp_path / name).write_text(text)
-        with pytest.raises(UserError, match="is not a report"):
-            check_report(tmp_path / name, False)
-        check_report(tmp_path / name, True)
-    with pytest.raises(UserError, match=r"end it in \.json"):
-        check_report(tmp_path / "report.txt", True)
-    check_report(tmp_path / "new.json", False)
-
-
-# On the command line
+from .solved_clips import PLANES_LENS, import_planes
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +36,9 @@ def test_inspect_writes_everything_and_overwrites_nothing(work: Path, tmp_path: 
     assert report["sure"] > 80 and report["own"] > 80
     assert report["borrowed"] > report["inpainted"] > 0
     # The planes' discs: 2 R f (1/4 - 1/6) and 2 R f (1/6 - 1/10).
-    assert report["blur_largest"] == pytest.approx(2 * 0.25 * LENS.fx * (1 / 6 - 1 / 10 + 0.02), rel=0.5)
+    assert report["blur_largest"] == pytest.approx(
+        2 * 0.25 * PLANES_LENS.fx * (1 / 6 - 1 / 10 + 0.02), rel=0.5
+    )
     assert f"{report['triangles']:,} triangles" in said and "% other frames'" in said
     (tmp_path / "seen" / "depth.png").unlink()
     again = here(*command)

@@ -14,7 +14,7 @@ from addon.core.focus.focus import Focus, largest_discs
 from addon.core.media.light import encode_srgb, to_linear
 
 from ..scenes import LENS, slanted_plane, write_frames
-from .tracked_plane import FRAMES, imported, run, work
+from .solved_clips import FRAMES, imported, run, work
 
 __all__ = ["work"]
 
@@ -92,30 +92,6 @@ def test_discs_before_and_behind_are_said(
     )
     assert f"at frame 2: {before} in front of the focus, {after} behind it" in said
     assert "sharp at frame 2:" in said
-
-
-def test_discs_are_those_of_the_lens() -> None:
-    shot = slanted_plane(LENS, FRAMES, count=1500)
-    front, behind = largest_discs(shot, Focus(distance=7.0), 1, 0.2)
-    for side, depth in ((front, 5.0), (behind, 12.0)):
-        assert side == pytest.approx(2 * 0.2 * LENS.fx * abs(1 / depth - 1 / 7) / LENS.width, rel=0.08)
-    assert largest_discs(shot, Focus(distance=40.0), 1, 0.2)[1] == 0
-
-
-@pytest.mark.parametrize(
-    ("wrong", "why"),
-    [
-        (("--highlights", "bright"), "'bright' is not a number; it can also be off"),
-        (("--highlights", "-1"), "highlights cannot be -1; give a number from 0 to 1000"),
-        (("--highlight-threshold", "97"), "clipping threshold cannot be 97; give a number from 0.1 to 1"),
-    ],
-)
-def test_highlights_that_mean_nothing_are_refused(
-    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], wrong: tuple[str, str], why: str
-) -> None:
-    lens = ("--focus-distance", 6, "--method", "features", *wrong)
-    assert run("render", work, *lens, "--out", tmp_path / "o" / "####.png") == 2
-    assert why in capsys.readouterr().err
 
 
 def test_a_lamp_becomes_a_brighter_disc_unless_highlights_are_off(registered: None, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from addon.core.base.errors import UserError
 
 from .. import planes
 from ..command_line import done, here
-from .known_planes import import_planes
+from .solved_clips import import_planes
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "python.md").read_text()
@@ -90,13 +90,6 @@ def test_render_gives_the_frames_of_the_command(work: Path, tmp_path: Path) -> N
         {each.name: each.read_bytes() for each in (tmp_path / name).iterdir()} for name in ("a", "b")
     )
     assert ours == theirs and len(ours) == 2
-
-
-def test_depth_is_kept_and_stmaps_are_exported(work: Path, tmp_path: Path) -> None:
-    api.depth(work, frames="2-2", jobs=1)
-    assert list((work / "depth").iterdir())
-    api.export(work, tmp_path / "maps", "stmap", frames="2-2")
-    assert list((tmp_path / "maps").glob("*.exr"))
 
 
 def test_options_become_those_of_the_command_line() -> None:

@@ -14,7 +14,7 @@ from addon.core.frame.report import FrameReport
 from addon.core.sfm.report import LensReport, Report
 
 from ..command_line import done
-from .known_planes import import_planes
+from .solved_clips import import_planes
 
 SCHEMA: dict[str, Any] = json.loads(
     (Path(__file__).resolve().parents[2] / "docs" / "reports.schema.json").read_text()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +12,6 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.base.counting import ranges
 from addon.core.base.errors import UserError
 from addon.core.base.worker import Worker
 from addon.core.media import video
@@ -80,42 +78,6 @@ def test_a_given_focal_length_is_held(solved: Solve) -> None:
     assert solved.quality.focal_from == "given"
 
 
-@pytest.mark.long
-def test_depth_that_is_found_ahead_is_what_renders_read(
-    registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    work = tmp_path / "work"
-    clip = planes.write_clip(tmp_path / "short", planes.halved(planes.sideways(16)[:8]))
-    solve = ("solve", clip, "--work", work, "--focal", planes.FOCAL / 2)
-    assert run(*solve) == 0
-    lens = ("--focus-distance", 10, "--blur", 0.03, "--views", 4, "--frames", "4-5")
-    assert run("render", work, *lens, "--out", tmp_path / "found" / "####.png") == 0
-    shutil.rmtree(work / "depth")
-    assert run(*solve, "--depth") == 0
-    assert "the depth of 8 frames is kept" in capsys.readouterr().out
-    (folder,) = {path.parent for path in (work / "depth").glob("*/depth-*.npz")}
-    frames = {path.name: path.stat().st_mtime_ns for path in folder.glob("depth-*.npz")}
-    assert len(frames) == 8
-    assert run("render", work, *lens, "--out", tmp_path / "read" / "####.png") == 0
-    assert frames == {path.name: path.stat().st_mtime_ns for path in folder.glob("depth-*.npz")}
-    assert {path.parent for path in (work / "depth").glob("*/depth-*.npz")} == {folder}
-    for name in ("0004.png", "0005.png"):
-        assert (tmp_path / "found" / name).read_bytes() == (tmp_path / "read" / name).read_bytes()
-
-
-@pytest.mark.long
-def test_a_solve_is_there_where_its_depth_cannot_be_kept(
-    registered: None, solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    work = shutil.copytree(solved.work_dir, tmp_path / "work", ignore=lambda *_: ["depth"])
-    (work / "depth").touch()
-    assert run("solve", clip, "--work", work, "--fov", 60.93, "--depth") == 0
-    said = capsys.readouterr().out
-    assert said.count(f"the depth of 0 of 16 frames is kept in {work}; ") == 1
-    assert "the depth of frame 1 cannot be kept: " in said
-    assert "Not a directory" in said
-
-
 def test_a_video_is_opened_once_before_its_worker_starts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -144,38 +106,6 @@ def test_a_report_is_of_what_is_there(solved: Solve, capsys: pytest.CaptureFixtu
     assert found["advice"] == ""
     assert run("report", solved.work_dir) == 0
     assert "16 of 16 registered" in capsys.readouterr().out
-
-
-def test_a_report_lists_the_attempts_of_a_solve(
-    solved: Solve, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("report", solved.work_dir, "--verbose") == 0
-    text = capsys.readouterr().out
-    assert "16 of 16 registered" in text
-    head, *rows = text[text.index("attempt  ") :].splitlines()
-    assert head.split() == ["attempt", "CPU", "s", "explained", "score", "verdict"]
-    assert [row.split("  ")[0] for row in rows] == [each.name for each in solved.figures.attempts]
-    assert rows[0].startswith("tracking  ") and rows[1].startswith("corners, pairs  ")
-    assert rows[-1].startswith("corners, moving  ") and rows[-1].endswith("%")
-    assert solved.figures.attempts[-1].explained == solved.figures.explained
-    assert sum(each.seconds for each in solved.figures.attempts) > 0
-
-    # Solves of older versions have no record.
-    work = shutil.copytree(solved.work_dir, tmp_path / "work", ignore=lambda *_: ["depth"])
-    state = json.loads((work / "solve.json").read_text())
-    del state["digest"], state["report"]["attempts"]
-    (work / "solve.json").write_text(json.dumps(state))
-    assert run("report", work, "--verbose") == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("attempts      no record")
-
-
-def test_the_traceback_of_a_refusal_lists_the_attempts(clip: Path, tmp_path: Path) -> None:
-    still = planes.write_clip(tmp_path / "still", [planes.view(np.zeros(3), np.zeros(3))] * 6)
-    with pytest.raises(UserError, match="does not move") as refusal:
-        run("solve", still, "--work", tmp_path / "work", "--debug")
-    (notes,) = refusal.value.__notes__
-    assert [line.split("  ")[0] for line in notes.splitlines()[1:]] == ["tracking", "corners"]
-    assert notes.endswith(str(refusal.value))
 
 
 def test_an_exported_model_comes_back(solved: Solve, tmp_path: Path) -> None:
@@ -248,12 +178,9 @@ def test_nothing_of_the_users_is_overwritten(
     [
         (("--fov", "200"), "field of view is 200 degrees"),
         (("--focal35", "-3"), "focal length is -3 mm"),
-        (("--focal", "0"), "focal length is 0 pixels"),
-        (("--focal-mm", "0", "--sensor-mm", "36"), "focal length is 0 mm"),
         (("--focal-mm", "35", "--sensor-mm", "-1"), "sensor is -1 mm"),
         (("--focal-mm", "35"), "needs --sensor-mm"),
         (("--sensor-mm", "36"), "needs --focal-mm"),
-        (("--focal", "300", "--sensor-mm", "36"), "needs --focal-mm"),
     ],
 )
 def test_a_lens_that_cannot_be_is_refused(
@@ -262,29 +189,6 @@ def test_a_lens_that_cannot_be_is_refused(
     assert run("solve", clip, "--work", tmp_path / "work", *arguments) == 1
     assert said in capsys.readouterr().err
     assert not (tmp_path / "work").exists()
-
-
-def test_ranges_are_short() -> None:
-    assert ranges([1, 2, 3, 7]) == "1-3, 7"
-    assert ranges([]) == ""
-
-
-@pytest.mark.parametrize("model", ["colmap_bin", "colmap_txt", "visualsfm.nvm"])
-def test_the_castle_is_taken_in(data: Path, tmp_path: Path, model: str) -> None:
-    folder = data / "sceaux"
-    work = tmp_path / "work"
-    assert run("import", folder / model, "--footage", folder / "images", "--work", work) == 0
-    quality = load_solve(work).quality
-    assert quality.registered == 11
-    assert quality.reprojection_error < 0.7
-
-
-def test_bundlers_kermit_is_taken_in(data: Path, tmp_path: Path) -> None:
-    folder = data / "kermit"
-    work = tmp_path / "work"
-    assert run("import", folder / "bundle.out", "--footage", folder, "--work", work) == 0
-    quality = load_solve(work).quality
-    assert (quality.registered, quality.frames, quality.missing) == (9, 11, [4, 6])
 
 
 def test_voodoos_pan_is_taken_in_and_called_one(

@@ -12,7 +12,6 @@ import pytest
 
 from addon.cli.main import run_command
 from addon.core.readers.colmap_export import write_model
-from addon.core.subjects.strokes import MarkedSubject, Stroke
 from addon.scene.sources.shot import shot_of
 from addon.scene.sources.subjects import marked_of
 
@@ -82,10 +81,8 @@ def test_a_subject_is_kept_in_focus(work: Path, tmp_path: Path, capsys: pytest.C
     [
         (("--subject", "0.5", "--focus-distance", 6), "the stroke '0.5' is not valid"),
         (("--subject", "0.5,1.5", "--focus-distance", 6), "0.5,1.5 is outside the picture"),
-        (("--subject", "0.5,0.5@x", "--focus-distance", 6), "is not valid"),
         (("--subject", "cat=", "--focus-distance", 6), "has no places"),
         (("--focus-subject", "cat"), "there is no stroke on a subject 'cat'"),
-        ((*STROKE, "--focus-subject", "Subject@x"), "'Subject@x' is not valid"),
         ((*STROKE, "--focus-subject", "--focus-distance", 6), "goes with --focus-at alone"),
         ((*STROKE, "--focus-subject", "--focus-at", "0.5,0.5@3"), "focus at subject Subject has no frame"),
     ],
@@ -95,8 +92,3 @@ def test_what_is_not_understood_is_said(
 ) -> None:
     assert save(work, tmp_path / "a.blend", *words) in (1, 2)
     assert message in capsys.readouterr().err and not (tmp_path / "a.blend").exists()
-
-
-def test_strokes_have_keys_of_their_own() -> None:
-    one, other = (MarkedSubject("a", (Stroke(3, ((0.5, y),)),)) for y in (0.5, 0.6))
-    assert one.key != other.key and one.key == MarkedSubject("b", one.strokes).key

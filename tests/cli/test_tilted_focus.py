@@ -15,7 +15,7 @@ from addon.core.optics.thin_lens import ACCEPTABLE
 from addon.scene.lens.lens import focus_of
 
 from ..scenes import LENS
-from .tracked_plane import FRAMES, run, work
+from .solved_clips import FRAMES, run, work
 
 __all__ = ["work"]
 PLANE = (1, 20, 300, 700)
@@ -59,7 +59,6 @@ def test_the_blend_has_plane_tilt_and_swing(work: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("focus", "said"),
     [
-        (("--focus-plane", 1, 20), "takes 3 or more"),
         (("--focus-plane", 1, 20, 20), "takes 3 or more"),
         (("--focus-plane", *PLANE, "--tilt", 5), "leave out --tilt"),
         (("--focus-distance", 8, "--swing", 90), "between -90 and 90"),

@@ -45,15 +45,6 @@ def test_a_hole_in_a_wall_has_the_walls_depth() -> None:
     assert (result.confidence[~sure] > 0.1).all()
 
 
-def test_what_is_sure_amid_what_is_sure_stays() -> None:
-    """Whatever the map says there."""
-    sure, inner = np.abs(X - 0.5) > 0.15, np.abs(X - 0.5) > 0.25
-    wrong = np.random.default_rng(4).random(WALL.shape).astype(np.float32)
-    for given in (bent(WALL), wrong):
-        result = completed(found(WALL, sure), given)
-        np.testing.assert_array_equal(result.inverse_depth[inner], WALL[inner].astype(np.float32))
-
-
 def test_scattered_matches_do_not_outweigh_the_map() -> None:
     """Plain walls and gloss: few pixels seem sure, and most that contradict the map are chance."""
     rng = np.random.default_rng(8)
@@ -110,11 +101,3 @@ def test_a_strip_between_something_near_and_something_far_keeps_its_depth() -> N
         result = stepped(given, LEVEL)
         np.testing.assert_allclose(result[inner], 0.32, atol=2 * LEVEL)
         np.testing.assert_allclose(result[near], 0.5, atol=0.02)
-
-
-def test_a_map_whose_edges_are_sharp_is_left_alone() -> None:
-    """A thing three pixels wide before something near and something far."""
-    row, column = np.mgrid[:HEIGHT, :WIDTH]
-    true = np.where(BALL, 0.5, 0.2).astype(np.float32)
-    true[(np.abs(row - 90) < 2) & (column > 140)] = 0.3
-    np.testing.assert_array_equal(stepped(true, LEVEL), true)

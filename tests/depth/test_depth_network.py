@@ -12,13 +12,12 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.depth.map_fit import fit_clip
-from addon.core.depth.user_maps import SIZES, open_depth
+from addon.core.depth.user_maps import open_depth
 from addon.core.media.clip import Footage, FrameRange, open_footage
 from addon.core.media.clip_identity import clip_digest
 from addon.core.media.copying import copy_pictures
 from addon.core.media.light import decode_srgb
 from addon.core.media.masks import open_masks
-from addon.core.media.onnx_network import IMAGENET, PictureNetwork
 
 from ..map_fits import fitted
 from ..onnx_files import Side, network, node
@@ -104,14 +103,6 @@ def test_the_input_has_the_size_that_the_file_tells_or_depth_anythings(
     assert maps.stored(1).shape == (rows, columns, 3)
 
 
-def test_of_several_outputs_the_first_that_the_file_names_is_taken(tmp_path: Path, clip: Footage) -> None:
-    """Some networks tell how sure they are, too."""
-    nodes = [node("Neg", ["x"], "other"), node("Conv", ["x", "w"], "y")]
-    weights = {"w": np.ones((1, 3, 1, 1), np.float32)}
-    model = network(nodes, weights, (1, 3, 27, 48), ("y", "other"))
-    assert open_depth(write(tmp_path / "two.onnx", model), clip).stored(1).shape == (27, 48, 3)
-
-
 def test_the_size_of_midas_is_tried_where_that_does_not_run(tmp_path: Path) -> None:
     """A network that divides its picture into 32 x 32 pixels, as transformers do into their own."""
     clip = pictures(tmp_path / "own", 80, 60)
@@ -157,18 +148,6 @@ def test_of_a_part_of_a_video_each_frame_has_its_own_whoever_asks(tmp_path: Path
         shown = {frame: clip.read(frame)[..., 0].mean() / 255 for frame in clip.frames}
     for frame, values in zip(asked, found, strict=True):
         assert abs(values.mean() - shown[frame]) < 1 / 255
-
-
-def test_threads_do_not_see_each_others_pictures(tmp_path: Path) -> None:
-    """Each has a picture of one colour at a size of its own."""
-    model = PictureNetwork(write(tmp_path / "red.onnx", red(OPEN)), lambda sides: IMAGENET, SIZES)
-
-    def off(shade: int) -> float:
-        found = model.run(np.full((40 + shade, 64, 3), shade, np.uint8))
-        return float(np.abs(found - shade / 255).max())
-
-    with ThreadPoolExecutor(8) as pool:
-        assert max(pool.map(off, range(0, 64))) < 1e-4
 
 
 def test_what_opencv_cannot_read_or_run_is_said_in_a_line(tmp_path: Path, clip: Footage) -> None:

@@ -94,16 +94,6 @@ def test_several_people_tell_the_horizon_of_a_camera_at_another_height(eye: floa
     assert np.degrees(np.arccos(scene.up @ true_up(0.15))) < 3
 
 
-def test_who_bends_down_or_sits_does_not_move_the_horizon() -> None:
-    clip = filmed(0.2)
-    people = [
-        [seen for image in clip.images
-         if (seen := outline(person(clip, 0.2, image.frame, each, tall=tall), image, clip.canvas(image)))]
-        for each, tall in ((4.0, 1.7), (5.0, 0.8), (7.0, 1.7), (10.0, 1.7))
-    ]  # fmt: skip
-    assert np.degrees(np.arccos(flat_scene(clip, people).up @ true_up(0.2))) < 2.5
-
-
 def test_a_person_keeps_their_distance_while_the_camera_turns() -> None:
     clip = filmed(0.1)
     scene = scene_of(clip, 0.1, 5.0)
@@ -134,13 +124,6 @@ def test_people_whose_feet_are_cut_off_are_as_far_as_they_are_wide() -> None:
     narrow = front.copy()
     narrow[:, : CAMERA.width // 2 + 20] = False
     assert distance(narrow) == pytest.approx(2 * distance(front), rel=0.2)
-
-
-def test_without_people_the_horizon_is_the_middle_of_the_picture() -> None:
-    clip = filmed(0.0)
-    scene = flat_scene(clip, [])
-    assert scene.up == pytest.approx([0, 0, 1]) and scene.wall == pytest.approx(AWAY)
-    assert 0 < scene.height < scene.wall
 
 
 @pytest.mark.parametrize("frame", [1, 2, 3])
@@ -181,10 +164,3 @@ def test_a_subject_stands_before_the_background() -> None:
     )
     samples = depth.samples(2, canvas)
     assert samples is not None and np.isclose(samples.inverse_depth, 0.25).any()
-
-
-def test_without_a_subject_nothing_is_estimated() -> None:
-    clip = filmed(0.0)
-    nobody = EstimatedDepth(clip, lambda: flat_scene(clip, []), lambda: [], lambda frame: None)
-    canvas = clip.canvas(clip.images[0])
-    assert nobody.at(1, canvas, NO_PICTURE) is None and nobody.samples(1, canvas) is None

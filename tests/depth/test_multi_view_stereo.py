@@ -87,23 +87,12 @@ def test_bars_of_a_few_pixels_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
         assert np.median(around.sum(axis=1)) < planes.FOCAL * np.ptp(edges) / depth + 4
 
 
-def test_first_and_last_frame_have_neighbours_on_one_side_only(pictures: list[Picture]) -> None:
-    for frame in (1, len(pictures)):
-        result = dense(poses(CENTRES, features()), pictures, frame)
-        assert np.mean(error(result, truth(CENTRES[frame - 1])) > 0.05) < 0.15
-
-
 def test_the_scale_of_the_world_means_nothing(pictures: list[Picture], found: DenseDepth) -> None:
     for scale in (1e-3, 1e3):
         scaled = dense(poses(scale * CENTRES, scale * features()), pictures)
         off = np.abs(scaled.inverse_depth * scale - found.inverse_depth) / RANGE
         assert np.percentile(off, 99) < 1e-3
         assert np.percentile(np.abs(scaled.confidence - found.confidence), 99) < 1e-3
-
-
-def test_points_are_not_needed(pictures: list[Picture]) -> None:
-    off = error(dense(poses(CENTRES), pictures), truth(CENTRES[MIDDLE - 1]))
-    assert np.median(off) < 0.02 and np.mean(off > 0.05) < 0.1
 
 
 def test_exposure_and_white_balance_may_change(pictures: list[Picture]) -> None:
@@ -129,15 +118,6 @@ def test_distortion_is_taken_out(pictures: list[Picture]) -> None:
     assert np.median(inner) < HALF_LEVEL and np.mean(inner > 0.05) < 0.05
 
 
-def test_the_size_worked_at_is_bounded(pictures: list[Picture]) -> None:
-    result = PlaneSweepStereo(
-        poses(CENTRES, features()), lambda frame: pictures[frame - 1], long_side=160
-    ).at(MIDDLE)
-    assert result.inverse_depth.shape == (120, 160)
-    assert result.pinhole == LENS.scaled(160, 120)
-    assert np.median(error(result, truth(CENTRES[MIDDLE - 1], result.pinhole))) < 0.02
-
-
 @pytest.mark.parametrize("kind", ("as stored", "16 bits", "linear"))
 def test_every_kind_of_picture_is_read(pictures: list[Picture], found: DenseDepth, kind: str) -> None:
     def read(frame: int) -> NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]:
@@ -160,12 +140,6 @@ def test_a_camera_that_only_turns_is_sure_of_nothing() -> None:
     assert np.all((result.inverse_depth > 0.09) & (result.inverse_depth < 0.26))
 
 
-def test_a_hand_that_trembles_is_sure_of_little(found: DenseDepth) -> None:
-    centres = 0.05 * CENTRES
-    result = dense(poses(centres, features()), clip(centres))
-    assert result.confidence.mean() < 0.5 * found.confidence.mean()
-
-
 @pytest.mark.parametrize("points", (None, features()))
 def test_nothing_is_seen_in_an_even_wall(points: Floats | None) -> None:
     even = [np.full((HEIGHT, WIDTH, 3), 90, np.uint8)] * len(CENTRES)
@@ -177,11 +151,6 @@ def test_walking_straight_ahead(found: DenseDepth) -> None:
     centres = np.column_stack([np.zeros(9), np.zeros(9), np.linspace(-0.8, 0.8, 9)])
     off = error(dense(poses(centres, features()), clip(centres)), truth(centres[MIDDLE - 1]))
     assert np.median(off) < 0.05
-
-
-def test_one_frame_alone() -> None:
-    result = dense(poses(CENTRES[:1], features()), clip(CENTRES[:1]), frame=1)
-    assert not result.confidence.any()
 
 
 def falling(pictures: Sequence[Picture], before: float) -> tuple[list[Picture], list[Mask]]:
@@ -217,19 +186,6 @@ def test_a_mask_tells_what_moves(pictures: list[Picture]) -> None:
     plain = PlaneSweepStereo(shot, lambda n: pictures[n - 1]).at(MIDDLE)
     around = cv2.dilate(mask.astype(np.uint8), np.ones((31, 31))) > 0
     assert np.mean(np.abs(masked.inverse_depth - plain.inverse_depth)[around & ~mask] > 0.1 * RANGE) < 0.05
-
-
-def test_a_mask_without_parallax_and_in_a_bent_lens(pictures: list[Picture]) -> None:
-    mask = np.zeros((HEIGHT, WIDTH), bool)
-    mask[100:140, 60:100] = True
-    still = np.zeros((3, 3))
-    result = PlaneSweepStereo(poses(still, features()), lambda n: pictures[0], mask=lambda _: mask).at(2)
-    np.testing.assert_array_equal(result.moving, mask)
-    bent = poses(CENTRES, features(), replace(LENS, k1=-0.1))
-    depth = PlaneSweepStereo(bent, lambda n: pictures[n - 1], mask=lambda n: mask if n == MIDDLE else None)
-    back = depth.canvas(MIDDLE).to_source(depth.at(MIDDLE).moving.astype(np.float32)) > 0.5
-    assert back.shape == mask.shape
-    assert (back & mask).sum() > 0.9 * (back | mask).sum()
 
 
 def test_neighbours_are_chosen_by_baseline_and_not_by_count() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from addon.core.base.arrays import Map
 from addon.core.depth import semiglobal as module
-from addon.core.depth.semiglobal import P1, P2, P2_HALVED_AT, STEPS, Costs, best_levels, lowest, semiglobal
+from addon.core.depth.semiglobal import P1, P2, P2_HALVED_AT, STEPS, Costs, best_levels, semiglobal
 
 
 def random_costs(shape: tuple[int, int, int], seed: int) -> Costs:
@@ -44,23 +44,6 @@ def test_costs_are_summed_along_four_directions() -> None:
     guide = np.random.default_rng(3).uniform(0, 60, (9, 12)).astype(np.float32)
     # Penalties are rounded in single precision there and in double here: by a step a pixel of the way.
     np.testing.assert_allclose(semiglobal(costs, guide).astype(int), by_hand(costs, guide), atol=4)
-
-
-def test_the_largest_sums_have_room() -> None:
-    """A place whose every level costs the most, amid such that cost nothing at one: each path brings the
-    largest jump along."""
-    costs = np.full((9, 7, 9), 15 * STEPS, np.uint16)
-    costs[:, 3] = 0
-    costs[4, :, 4] = 15 * STEPS
-    found = semiglobal(costs, np.zeros((9, 9), np.float32))[4, :, 4]
-    np.testing.assert_array_equal(found[[0, 6]], round(4 * STEPS * (15 + P2)))
-    assert found[3] == 4 * 15 * STEPS
-
-
-def test_the_lowest_is_the_first_of_those_alike() -> None:
-    costs = np.random.default_rng(5).integers(0, 9, (20, 30, 25), np.uint16)
-    costs[0, :, 0] = 65535
-    np.testing.assert_array_equal(lowest(costs), costs.argmin(axis=1))
 
 
 def test_a_minimum_between_two_levels_is_found() -> None:

@@ -13,7 +13,7 @@ from addon.core.camera.intrinsics import Intrinsics
 from addon.core.depth.ground_contact import Plane, ground_below
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.source import SURE
-from addon.core.depth.subject_depth import connected, with_subjects
+from addon.core.depth.subject_depth import with_subjects
 
 CAMERA = Intrinsics(480, 360, 240.0, 240.0, 240.0, 180.0)
 EYE = 1.5
@@ -118,20 +118,6 @@ def test_a_subject_of_known_distance_is_upright_there() -> None:
     assert off(alone, true, mask) > 0.15
 
 
-def test_a_subject_of_known_distance_without_contact_has_one_depth() -> None:
-    mask = card([(-0.25, 1.2), (0.25, 1.2)], height=1.7)[0]
-    assert mask[-1].any()
-    depth, _ = placed(street(), mask, [(mask, 1 / 1.2)])
-    np.testing.assert_allclose(depth[mask], 1 / 1.2, rtol=1e-6)
-
-
-def test_two_feet_do_not_turn_a_tall_subject() -> None:
-    left, right = card([(-0.3, 3.0), (-0.1, 3.0)], height=1.6), card([(0.1, 3.25), (0.3, 3.25)], height=1.6)
-    mask = left[0] | right[0]
-    depth, _ = placed(street(), mask, [(mask, None)])
-    assert np.ptp(depth[mask]) < 0.02
-
-
 def test_subjects_that_touch_have_their_own_distances() -> None:
     near, far = card([(-0.6, 2.5), (0.0, 2.5)], height=1.6), card([(-0.1, 4.0), (0.8, 4.0)], height=1.9)
     # The first subject has the pixels of both.
@@ -139,18 +125,6 @@ def test_subjects_that_touch_have_their_own_distances() -> None:
     depth, _ = placed(street(), near[0] | far[0], subjects)
     behind = far[0] & ~near[0]
     assert off(depth, near[1], near[0]) < 0.03 and off(depth, far[1], behind) < 0.03
-
-
-def test_a_pole_before_a_subject_does_not_part_it() -> None:
-    """Its upper part alone would hover."""
-    mask, true = card([(-0.4, 3.5), (0.4, 3.5)], height=1.7)
-    pole = np.zeros_like(mask)
-    pole[210:246] = True
-    inverse = street()
-    inverse[pole] = 0.6
-    depth, _ = placed(inverse, mask & ~pole, [(mask, None)])
-    assert off(depth, true, mask & ~pole) < 0.03
-    assert connected(mask & ~pole).max() == 2
 
 
 @pytest.mark.parametrize("known", [None, 0.3])

@@ -23,7 +23,6 @@ from addon.core.depth.map_fusion import (
     without_speckles,
 )
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
-from addon.core.depth.reprojection import in_place
 from addon.core.depth.temporal_fusion import TemporalFusion
 
 from .. import planes
@@ -94,13 +93,6 @@ def test_one_wrong_frame_changes_nothing() -> None:
     np.testing.assert_allclose(fused(inverse, weight)[0], inverse[3], atol=1e-6)
 
 
-def test_a_frame_that_is_surer_weighs_more() -> None:
-    inverse = np.stack([np.full(SHAPE, v, np.float32) for v in (WALL, WALL, NEAR)])
-    inverse[:, :, ::2] += 1
-    weight = np.stack([np.full(SHAPE, w, np.float32) for w in (0.1, 0.1, 0.9)])
-    np.testing.assert_allclose(fused(inverse, weight)[0], inverse[2], atol=1e-6)
-
-
 def test_agreeing_frames_make_sure() -> None:
     means = []
     for agreeing in range(1, 6):
@@ -112,13 +104,6 @@ def test_agreeing_frames_make_sure() -> None:
     assert np.all(np.diff(means) > 0)
     # Five frames that say five things know nothing.
     assert means[0] < 0.05
-
-
-def test_what_a_frame_does_not_see_has_no_say() -> None:
-    inverse = np.stack([np.full(SHAPE, v, np.float32) for v in (WALL, NEAR, NEAR)])
-    inverse[:, :, ::2] += 1
-    weight = np.stack([np.full(SHAPE, w, np.float32) for w in (0.1, 0, 0)])
-    np.testing.assert_allclose(fused(inverse, weight)[0], inverse[0], atol=1e-6)
 
 
 def test_who_sees_past_what_the_border_cuts_does_not_contradict_it() -> None:
@@ -135,26 +120,7 @@ def test_who_sees_past_what_the_border_cuts_does_not_contradict_it() -> None:
     np.testing.assert_allclose(found[10 : ledge - 2, 10:-10], WALL, atol=0.01)
 
 
-def test_how_near_others_would_see_something() -> None:
-    """In a frame beside, a place moves by its parallax, and is seen until that takes it past the border."""
-    apart = 0.5
-    (here, there), wall = poses(np.array([[0, 0, 0], [apart, 0, 0.0]])).images, depth(2, WALL, 1.0)
-    margin = 7
-    nearest = in_place(wall, there, LENS, here, margin)[2][20, margin:-margin]
-    np.testing.assert_allclose(nearest, (X[0] - BORDER) / (LENS.fx * apart), atol=1e-5)
-    # The frame itself sees what is at any depth.
-    assert np.isinf(in_place(replace(wall, frame=1), here, LENS, here, margin)[2]).all()
-
-
 # One frame
-
-
-def test_what_is_sure_stays() -> None:
-    inverse = WALL + 0.0005 * X
-    found = steady([depth(1, inverse, 1.0)], 1)
-    inner = np.s_[12:-12, 12:-12]
-    np.testing.assert_allclose(found.inverse_depth[inner], inverse[inner], atol=0.01 * np.ptp(inverse))
-    assert found.confidence[inner].min() > 0.9
 
 
 def test_what_is_not_sure_beside_something_near_is_behind_it() -> None:
@@ -181,18 +147,6 @@ def test_a_hole_in_a_surface_is_filled_from_its_rim() -> None:
     np.testing.assert_allclose(found[(away > 40) & (away < 100)], WALL, atol=0.02)
 
 
-def test_a_doubted_place_as_deep_as_its_rim_stays() -> None:
-    """A wall beside it is surer, and nothing but a faint edge is between them."""
-    away = np.hypot(X - 160, Y - 120)
-    head, doubted = away < 30, away < 4
-    grey = np.where(head, 140, 112).astype(np.float32)
-    inverse = np.where(head, NEAR, WALL)
-    confidence = np.where(doubted, 0.2, np.where(head, 0.6, 1))
-    found = steady([depth(1, inverse, confidence)], 1, grey)
-    np.testing.assert_allclose(found.inverse_depth[doubted], NEAR, atol=0.02)
-    assert found.confidence[doubted].min() > 0.4
-
-
 def test_nothing_is_between_two_surfaces() -> None:
     """At a silhouette that is half sure."""
     away = np.hypot(X - 160, Y - 120)
@@ -202,17 +156,6 @@ def test_nothing_is_between_two_surfaces() -> None:
     found = steady([depth(1, inverse, confidence)], 1, grey).inverse_depth
     off = np.minimum(np.abs(found - NEAR), np.abs(found - WALL))
     assert off[20:-20, 20:-20].max() < 0.02
-
-
-def test_a_disputed_shelf_joins_the_surface_nearer_in_depth() -> None:
-    shelf = (X >= 158) & (X < 162)
-    for share, expected in ((0.7, NEAR), (0.3, WALL)):
-        inverse = np.where(X < 160, NEAR, WALL).astype(np.float32)
-        inverse[shelf] = WALL + share * (NEAR - WALL)
-        level = (NEAR - WALL) / LEVELS
-        np.testing.assert_array_equal(sharpened(inverse, level, shelf)[shelf], np.float32(expected))
-        # What is sure may be a thing of its own.
-        np.testing.assert_array_equal(sharpened(inverse, level, ~shelf)[shelf], inverse[shelf])
 
 
 def test_sure_depth_is_carried_up_to_the_edges_of_the_picture_only() -> None:
@@ -301,11 +244,6 @@ def test_past_the_border_depth_is_that_of_the_frames_that_see_it() -> None:
     assert true[margin, margin] < 0.15
 
 
-def test_past_the_border_nothing_is_known_that_no_frame_saw() -> None:
-    found = steady([depth(n, WALL, 0.9) for n in range(1, 6)], 3)
-    assert found.past_border is not None and np.isnan(found.past_border).all()
-
-
 # A clip
 
 
@@ -389,18 +327,6 @@ def test_a_frame_that_key_frames_see_too_little_of_is_swept_itself() -> None:
     assert single.swept.count(8) == 1
 
 
-def test_every_frame_is_swept_itself_once_where_that_is_asked_for() -> None:
-    single, _ = counted()
-    shot = poses(track(), features(), HALF)
-    every = TemporalFusion(shot, single, options=FusionOptions(most_unseen=-1.0))
-    every.at(8)
-    assert single.swept == [3, 5, 7, 9, 11, 13, 8]
-    single.swept.clear()
-    # A key frame's own depth counts once.
-    default = counted()[1].at(9)
-    np.testing.assert_array_equal(every.at(9).inverse_depth, default.inverse_depth)
-
-
 def test_kept_depth_is_the_same_and_not_found_again(tmp_path: Path) -> None:
     store = Store(tmp_path, lambda: "key")
     _, fusion = counted(store=store)
@@ -437,13 +363,6 @@ def test_holes_of_a_few_pixels_are_closed_and_larger_ones_stay() -> None:
     wanted = np.full((40, 60), NEAR, np.float32)
     wanted[5:8, 40:43] = wanted[10:, 50:] = WALL
     np.testing.assert_array_equal(found, wanted)
-
-
-def test_a_wrong_pixel_beside_a_silhouette_does_not_spread() -> None:
-    step = np.where(np.arange(60) < 30, WALL, NEAR) * np.ones((40, 1))
-    wrong = step.astype(np.float32)
-    wrong[20, 31] = 0.6
-    np.testing.assert_allclose(sharpened(wrong, 0.005), step, rtol=1e-6)
 
 
 def test_slopes_and_thin_things_stay() -> None:

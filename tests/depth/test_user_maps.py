@@ -20,6 +20,7 @@ from addon.scene.base import exr
 from sample_scenes import filming, staging, truth
 
 from ..map_fits import fitted
+from ..variants import combined
 
 WIDTH, HEIGHT = 160, 90
 FRAMES = (1, 8, 15, 22, 29, 36)
@@ -105,9 +106,10 @@ def fit_all(
     return {frame: fitted(maps.read(frame), *seen[frame], prior) for frame in maps.frames}
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("suffix", ["exr", "png"])
-@pytest.mark.parametrize("each", [False, True], ids=["one scale", "each its own"])
+@pytest.mark.parametrize(
+    ("kind", "suffix", "each"),
+    combined(list(KINDS), ["exr", "png"], {"one scale": False, "each its own": True}),
+)
 def test_every_kind_comes_back_as_true_inverse_depth(
     depths: dict[int, np.ndarray], clip: Footage, tmp_path: Path, kind: str, suffix: str, each: bool
 ) -> None:

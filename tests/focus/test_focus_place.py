@@ -11,11 +11,9 @@ import pytest
 from addon.cli.main import run_command
 from addon.core.base.arrays import Floats
 from addon.core.base.errors import UserError
-from addon.core.base.store import Store
 from addon.core.depth.source import FirstKnown
 from addon.core.focus.place import NEAR, PlaceFinder
 from addon.core.focus.pull import inverse_depths
-from addon.core.frame.clip_context import ClipContext
 from addon.core.media.clip import open_footage
 from addon.core.readers.colmap_export import write_model
 from addon.scene.sources.shot import Shot
@@ -77,18 +75,6 @@ def test_a_place_amid_points_on_another_surface_is_not_theirs(footage: Path) -> 
     found = context.places(FRAME).find(*click)
     assert found.distance == pytest.approx(4.0, rel=0.03) and not found.focus.points
     assert "the points around it lie on something else" in found.source
-
-
-def test_a_glance_finds_nothing_and_then_tells_the_same_as_a_click(footage: Path, tmp_path: Path) -> None:
-    stores = {"store": lambda _: Store(tmp_path, lambda: "key")}
-    shot = Shot(open_footage(footage), poses(CENTRES, near_plane()))
-    context = ClipContext(shot.reconstruction, shot.clip.read, **stores)
-    finder = context.places(FRAME)
-    assert finder.glance(*BESIDE).distance is None
-    found = finder.find(*BESIDE)
-    for again in (finder, context.places(FRAME)):
-        glance = again.glance(*BESIDE)
-        assert glance.distance == pytest.approx(found.distance) and len(glance.places) == 4
 
 
 def near_plane() -> Floats:

@@ -62,18 +62,6 @@ def test_it_holds_before_and_after_and_is_eased_in_inverse_depth() -> None:
     assert steps[0] < 0.4 * steps[2]
 
 
-def test_a_smoothstep_has_no_slope_at_its_ends() -> None:
-    assert smoothstep(np.array([-1.0, 0.0, 0.5, 1.0, 3.0])) == pytest.approx([0, 0, 0.5, 1, 1])
-    small = 1e-4
-    assert smoothstep(np.array([small, 1 - small])) == pytest.approx([0, 1], abs=4 * small**2)
-
-
-def test_three_places_are_met_one_after_the_other() -> None:
-    distances = pull([NEAR, FAR, at_distance(11, 5.0)], walk(), FRAMES)
-    assert [distances[frame] for frame in (3, 9, 11)] == pytest.approx([4.0, 12.0, 5.0])
-    assert 5 < distances[10] < 12
-
-
 def test_both_places_are_followed_while_the_camera_moves() -> None:
     speed = 0.1
     distances = pull([NEAR, FAR], walk(speed, unregistered=(2, 7)), FRAMES)
@@ -105,19 +93,6 @@ def test_points_that_no_frame_shows_for_a_while_are_carried() -> None:
     )
 
 
-def test_an_even_pull_is_linear_in_inverse_depth() -> None:
-    distances = pull_marks([FocusMark.of(NEAR), FocusMark(9, (FAR,), easing="LINEAR")], walk(), FRAMES)
-    inverse = np.array([1 / distances[frame] for frame in range(3, 10)])
-    assert np.diff(inverse) == pytest.approx(np.full(6, (1 / 12 - 1 / 4) / 6))
-
-
-@pytest.mark.parametrize("easing", EASINGS)
-def test_every_easing_goes_from_one_mark_to_the_other(easing: str) -> None:
-    time = np.linspace(0, 1, 21)
-    share = EASINGS[easing](time)
-    assert share[0] == 0 and share[-1] == 1 and (np.diff(share) >= 0).all()
-
-
 def test_easings_start_and_arrive_as_they_are_named() -> None:
     first, last = 0.05, 0.95
     speeds = {name: (ease(first) / first, (1 - ease(last)) / (1 - last)) for name, ease in EASINGS.items()}
@@ -134,30 +109,6 @@ def test_a_pull_of_its_own_length_arrives_on_the_mark() -> None:
     # One that is longer than the time between the marks takes all of it.
     longer = pull_marks([FocusMark.of(NEAR), FocusMark(9, (FAR,), pull=100)], walk(), FRAMES)
     assert longer == pull_marks([FocusMark.of(NEAR), FocusMark.of(FAR)], walk(), FRAMES)
-
-
-def test_a_cut_stays_on_the_mark_before() -> None:
-    distances = pull_marks([FocusMark.of(NEAR), FocusMark(9, (FAR,), easing="CUT")], walk(), FRAMES)
-    assert [distances[frame] for frame in (8, 9, 10)] == pytest.approx([4.0, 12.0, 12.0])
-
-
-def test_a_held_distance_is_not_followed() -> None:
-    clip = walk(0.1)
-    followed, held = FocusMark(3, (NEAR,)), FocusMark(3, (NEAR,), holds=True)
-    assert pull_marks([followed], clip, FRAMES)[11] == pytest.approx(3.0)
-    assert list(pull_marks([held], clip, FRAMES).values()) == pytest.approx([3.8] * len(FRAMES))
-    assert unseen([held], clip, FRAMES) == [] != unseen([followed], clip, FRAMES)
-
-
-def test_of_several_places_the_mean_inverse_depth_is_in_focus() -> None:
-    both = FocusMark(5, (NEAR, FAR))
-    assert list(pull_marks([both], walk(), FRAMES).values()) == pytest.approx([6.0] * len(FRAMES))
-
-
-def test_a_mark_may_lie_at_another_frame_than_it_was_picked_in() -> None:
-    distances = pull_marks([FocusMark(1, (NEAR,)), FocusMark(2, (FAR,))], walk(0.1), FRAMES)
-    assert distances[1] == pytest.approx(4.0)
-    assert distances[11] == pytest.approx(12 - 0.1 * 10)
 
 
 def test_frames_that_do_not_show_a_mark_are_told() -> None:

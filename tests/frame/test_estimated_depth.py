@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.base.errors import Remedy, UserError
 from addon.core.camera.intrinsics import Intrinsics
 from addon.core.camera.reconstruction import MEDIAN_DEPTH, Image, Points, Reconstruction, rotation_matrix
 from addon.core.depth.flat_scene import ORIGIN
@@ -97,10 +96,3 @@ def test_a_stroke_marks_a_subject_with_an_estimated_distance(clip: StayingClip) 
     assert made.may_focus_on_subjects
     place = made.subject_place("card", FRAME)
     assert 0 < place.distance < MEDIAN_DEPTH / 1.9 and sorted(place.followed) == list(range(1, COUNT + 1))
-
-
-def test_without_a_subject_depth_is_asked_for(clip: StayingClip) -> None:
-    made = context(clip)
-    with pytest.raises(UserError, match="depth maps") as refused:
-        made.depth(FRAME, made.canvas(FRAME), to_linear(clip.pictures[FRAME - 1]))
-    assert refused.value.remedies == (Remedy.DEPTH_MAPS,)

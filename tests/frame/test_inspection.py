@@ -13,37 +13,27 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import LinearRGB, Mask
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
-from addon.core.frame import inspection
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.inspection import (
     NAMES,
     blur_discs,
-    inverse_depth,
     picture,
     pictures,
-    source_frame,
 )
-from addon.core.frame.meshers import MESHERS
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.report import Used, frame_report, summary
+from addon.core.frame.report import frame_report
 from addon.core.media.light import to_linear, to_rgb8
 from addon.core.warp.layered_depth_image import Fill
-from addon.core.warp.mesh import at_pixels
-from addon.core.warp.quadtree import triangulate
 from addon.render.views.average import draw_shares
 
 from ..disc_and_wall import (
     FAR,
-    LENS,
     NEAR,
-    RADIUS,
     SIZE,
     X,
     Y,
     disc_and_wall,
-    interpolated,
-    one,
 )
 from ..scenes import LENS as PLAIN
 from ..scenes import slanted_plane, texture
@@ -59,30 +49,6 @@ def lends(what: Callable[[Floats], Mask]) -> Fill:
         return np.full((*shift.shape, 3), 0.5, np.float32), wanted & what(shift)
 
     return fill
-
-
-# What a mesh says at every pixel
-
-
-def test_values_of_a_mesh() -> None:
-    depth = 4 * np.exp(-((X - 60) ** 2 + (Y - 50) ** 2) / 900) + 0.4 * np.sin(X / 9)
-    rows = triangulate(one(depth), 1.0, 0.1).far
-    row, column = np.divmod(np.arange(depth.size), SIZE[1])
-    xy = np.column_stack([column, row]) + 0.5
-    found = at_pixels(xy, depth.ravel(), rows, SIZE)
-    np.testing.assert_allclose(found, interpolated(depth, rows), atol=1e-9)
-    moved = at_pixels(xy + 0.25, (xy[:, 0] + 0.25) * 2, rows, SIZE)
-    assert np.isnan(moved[0]).all() and np.isnan(moved[:, 0]).all()
-    np.testing.assert_allclose(moved[1:, 1:], 2 * X[1:, 1:], atol=1e-9)
-
-
-def test_the_nearest_of_several_triangles_counts_and_nothing_is_nothing() -> None:
-    xy = np.array([[0.0, 0], [40, 0], [0, 40], [0, 0], [20, 0], [0, 20], [5, 5], [5, 5], [9, 9]])
-    values = np.repeat([1.0, 3.0, 9.0], 3)
-    found = at_pixels(xy, values, np.arange(9, dtype=np.int32).reshape(3, 3), (50, 60))
-    x, y = np.meshgrid(np.arange(60) + 0.5, np.arange(50) + 0.5)
-    np.testing.assert_array_equal(np.isnan(found), x + y > 40)
-    np.testing.assert_array_equal(np.isclose(found, 3), x + y <= 20)
 
 
 # Sources
@@ -101,16 +67,6 @@ def test_shares_make_one_where_the_frame_is_whole() -> None:
     assert shares[..., RED][inner][away[inner] > NEAR - FAR + 3].max() < 1e-4
 
 
-def test_all_is_the_frames_own_without_jumps() -> None:
-    inner = np.s_[4:-4, 4:-4]
-    slope = draw_shares(disc_and_wall(4.0, 2 + 0.02 * X))
-    np.testing.assert_allclose(slope[inner][..., BLUE], 1, atol=1e-5)
-    # At the border views look past it.
-    assert slope[0, :, RED].mean() > 0.05
-    focused = draw_shares(disc_and_wall(FAR, np.full(SIZE, FAR)))
-    np.testing.assert_allclose(focused[..., BLUE], 1, atol=1e-3)
-
-
 def test_what_is_lent_is_not_made_up() -> None:
     alone, half, all_ = (
         draw_shares(disc_and_wall(fill=fill)).mean(axis=(0, 1))
@@ -124,25 +80,6 @@ def test_what_is_lent_is_not_made_up() -> None:
     assert alone[RED] > half[RED] > all_[RED] == 0
     np.testing.assert_allclose([alone[BLUE], half[BLUE]], all_[BLUE], atol=1e-4)
     assert alone[BLUE] > 0.9
-
-
-def test_a_coarse_texture_has_the_same_sources() -> None:
-    fine = draw_shares(disc_and_wall())
-    coarse = disc_and_wall(largest_texture=1)
-    assert coarse.layers[0].picture.shape[1] == coarse.layers[0].origin.shape[1]
-    assert np.abs(draw_shares(coarse) - fine).mean() < 0.005
-
-
-def test_few_views_tell_the_shares_of_many() -> None:
-    frame = disc_and_wall()
-    few, views = source_frame(frame), frame.views
-    assert len(few.views.offsets) == inspection.SOURCE_VIEWS < len(views.offsets)
-    for painted, own in zip(few.layers, frame.layers, strict=True):
-        assert painted.mesh is own.mesh
-        np.testing.assert_array_equal(painted.picture[..., 3], own.picture[..., 3])
-        np.testing.assert_allclose(painted.picture[..., :3].sum(axis=2), painted.picture[..., 3], atol=1e-6)
-    views = replace(views, offsets=views.offsets[:8], registration=views.registration[:8])
-    assert source_frame(replace(frame, views=views)).views.offsets is views.offsets
 
 
 def plane(camera: Intrinsics = PLAIN) -> ClipContext:
@@ -172,29 +109,6 @@ def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> N
     assert "%" in "\n".join(report.words())
 
 
-def test_a_very_wide_aperture() -> None:
-    """The mesh reaches past the border by more than a texture can."""
-    source = to_linear(texture(160, 90))
-    lens = FrameOptions(Focus(distance=8.0), 60.0, 24, "features")
-    frame = mesh_frame(plane(), 2, lens, (160, 90), source).through()
-    painted = source_frame(frame)
-    assert max(painted.layers[0].picture.shape) <= inspection.LARGEST_TEXTURE + 1
-    shares = draw_shares(frame)
-    assert 0.2 < shares[..., RED].mean() < 1
-
-
-def test_pictures_have_the_geometry_of_a_bent_lens() -> None:
-    bent = replace(PLAIN, k1=-0.1)
-    source = to_linear(texture(160, 90))
-    lens = FrameOptions(Focus(distance=8.0), 0.5, 8, "features")
-    frame = mesh_frame(plane(bent), 2, lens, (160, 90), source).through()
-    assert (frame.canvas.pinhole.width, frame.canvas.pinhole.height) != (160, 90)
-    shares = draw_shares(frame)
-    np.testing.assert_allclose(shares[15:-15, 15:-15, BLUE], 1, atol=1e-3)
-    for shown in pictures(frame, shares).values():
-        assert shown.shape == (90, 160, 3)
-
-
 # Pictures
 
 
@@ -212,34 +126,6 @@ def test_all_pictures() -> None:
     assert made["depth"][outside][2] > made["depth"][outside][0]
     assert (np.abs(made["blur"][inside].astype(int) - 255) <= 1).all()
     assert made["blur"][outside][2] > made["blur"][outside][0] + 60
-
-
-def test_discs_are_those_of_the_thin_lens() -> None:
-    lens = disc_and_wall().lens
-    depth = np.array([1 / lens.focus, 5.0, 20.0, 1e9])
-    found = lens.blur_disc(1 / depth)
-    expected = 2 * RADIUS * LENS.fx * np.abs(1 / depth - 1 / depth[0])
-    np.testing.assert_allclose(np.abs(found), expected, atol=1e-12)
-    assert found[0] == 0
-    assert (found[1:] > 0).tolist() == (depth[1:] < depth[0]).tolist()
-
-
-def test_depth_is_what_the_frame_is_drawn_with() -> None:
-    frame = disc_and_wall()
-    assert frame.depth is not None and inverse_depth(frame) is frame.depth.inverse_depth
-    # One surface instead of the depth that was found: its own.
-    mesh = frame.layers[-1].mesh
-    flat = replace(frame.layers[-1], mesh=replace(mesh, inverse_depth=np.full(len(mesh.xy), 0.25)))
-    single = replace(frame, layers=(flat,), mesher=MESHERS["features"])
-    np.testing.assert_allclose(inverse_depth(single), 0.25)
-
-
-def test_nothing_known_is_black() -> None:
-    frame = disc_and_wall()
-    mesh = replace(frame.mesh, triangles=frame.mesh.triangles[:0])
-    frame = replace(frame, layers=(replace(frame.layers[-1], mesh=mesh),), depth=None)
-    made = pictures(frame, np.zeros((*SIZE, 3), np.float32))
-    assert not made["depth"].any() and not made["blur"].any()
 
 
 # Reports
@@ -268,18 +154,6 @@ def test_the_report_is_that_of_the_mesh() -> None:
     assert f"{triangles:,} triangles" in text and "layers with 24 views: its depth is sure enough" in text
     given = frame_report(replace(frame, depth=replace(frame.depth, confidence=None)), shares)
     assert given.why == "its depth is known" and given.sure is None
-
-
-def test_a_run_in_one_line() -> None:
-    report = frame_report(disc_and_wall(), np.zeros((*SIZE, 3), np.float32))
-    used = [Used(n, "layers", "as chosen") for n in range(1, 8)] + [
-        Used(n, "features", "little is sure") for n in (8, 9, 12)
-    ]
-    text = summary(used, [replace(report, own=80.0, borrowed=15.0, inpainted=5.0)] * 3)
-    assert "7 frames drawn by layers: as chosen" in text
-    assert "3 frames (8-9, 12) drawn by features: little is sure" in text
-    assert "80.0%" in text and "15.0%" in text and "5.0%" in text and "nothing" not in text
-    assert summary([]) == ""
 
 
 def test_what_is_in_focus_is_clear_and_the_rest_is_tinted() -> None:

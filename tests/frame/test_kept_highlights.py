@@ -61,15 +61,6 @@ def test_what_is_kept_is_what_was_found_and_no_other_frame_is_read_for_it(tmp_pa
     assert not again.knows_highlights(FRAME, replace(RESTORED, threshold=0.9))
 
 
-def test_what_other_frames_tell_is_kept_too(tmp_path: Path) -> None:
-    street(Store(tmp_path, lambda: "a")).picture(FRAME, RESTORED)
-    for path in tmp_path.rglob("lost-*.npz"):
-        path.unlink()
-    np.testing.assert_array_equal(
-        street(Store(tmp_path, lambda: "a"), only).picture(FRAME, RESTORED), found()
-    )
-
-
 @pytest.mark.parametrize(("kind", "damage"), combined(["lost", "lamps"], ["cut", "noise", "other"]))
 def test_a_damaged_file_is_not_there(tmp_path: Path, kind: str, damage: str) -> None:
     street(Store(tmp_path, lambda: "a")).picture(FRAME, RESTORED)
@@ -81,20 +72,6 @@ def test_a_damaged_file_is_not_there(tmp_path: Path, kind: str, damage: str) -> 
             noise = np.random.default_rng(0).bytes(len(data))
             path.write_bytes({"cut": data[:-9], "noise": noise, "other": others[0].read_bytes()}[damage])
     np.testing.assert_array_equal(street(Store(tmp_path, lambda: "a")).picture(FRAME, RESTORED), found())
-
-
-def test_a_frame_of_another_size_is_not_what_was_kept(tmp_path: Path) -> None:
-    street(Store(tmp_path, lambda: "a")).picture(FRAME, RESTORED)
-    half = street(Store(tmp_path, lambda: "a"), lambda frame: read(frame)[:90])
-    assert half.picture(FRAME, RESTORED).shape == (90, 320, 4)
-
-
-def test_a_picture_without_highlights_is_kept_as_such(tmp_path: Path) -> None:
-    for reads in (lambda frame: read(frame) // 2, lambda frame: read(frame) // 2):
-        clip = street(Store(tmp_path, lambda: "a"), reads)
-        np.testing.assert_array_equal(clip.picture(FRAME, RESTORED), to_linear(read(FRAME) // 2))
-    (path,) = tmp_path.rglob("*.npz")
-    assert path.stat().st_size < 2000
 
 
 def test_a_lamp_tells_the_same_alone_and_among_others() -> None:
@@ -111,12 +88,3 @@ def test_a_lamp_tells_the_same_alone_and_among_others() -> None:
         same = int(np.argmin(np.hypot(*(single.centre - every.centre[number]).T)))
         evidence = lamps(replace(single, spread=every.spread)).evidence[same]
         np.testing.assert_allclose(np.exp(evidence), np.exp(told.evidence[number]), atol=1e-3)
-
-
-def test_no_more_blobs_are_looked_at_than_are_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
-    picture = to_linear(read(FRAME))
-    every = blobs.clipped_blobs(picture, RESTORED.threshold)
-    monkeypatch.setattr(blobs, "MOST", 20)
-    some = blobs.clipped_blobs(picture, RESTORED.threshold)
-    assert 0 < len(some) <= 20 < len(every)
-    assert sorted(some.area) == sorted(every.area)[-len(some) :]

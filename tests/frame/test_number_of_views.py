@@ -73,19 +73,6 @@ def test_few_prefiltered_views_look_like_many() -> None:
         assert count != 16 or prefiltered > few + 6
 
 
-def test_a_frame_is_made_again_for_another_number() -> None:
-    frame = meshed()
-    picture = frame.layers[-1].picture.copy()
-    first, second = frame.through(8), frame.through(24)
-    np.testing.assert_array_equal(frame.layers[-1].picture, picture)
-    assert (len(first.views.offsets), len(second.views.offsets)) == (8, 24)
-    assert not np.array_equal(first.layers[-1].picture, second.layers[-1].picture)
-    again = frame.through(8, reuse=True)
-    for mine, own, other in zip(again.layers, frame.layers, first.layers, strict=True):
-        assert mine.picture is own.picture
-        np.testing.assert_array_equal(mine.picture, other.picture)
-
-
 def test_more_blur_takes_more_views() -> None:
     for blur in (0, 4, 16, 32, 64, 1000):
         assert views_needed(blur, True) <= views_needed(blur, False)

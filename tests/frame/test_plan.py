@@ -13,8 +13,6 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.depth.sparse import frame_features
 from addon.core.focus.focus import Focus, radius_for_blur
 from addon.core.frame.plan import FrameOptions
-from addon.core.optics.aperture_sampling import random_disc, views_needed, vogel_disc
-from addon.core.warp.mesh import delaunay
 from benchmarks.displaced import displaced
 from benchmarks.picked import pick
 
@@ -22,26 +20,6 @@ from ..scenes import planned, slanted_plane, texture
 
 LENS = Intrinsics(320, 180, 270.0, 270.0, 160.0, 90.0)
 SIZE = (320, 180)
-
-
-def scaled(rec: Reconstruction, factor: float) -> Reconstruction:
-    images = tuple(replace(i, translation=i.translation * factor) for i in rec.images)
-    return replace(rec, images=images, points=replace(rec.points, xyz=rec.points.xyz * factor))
-
-
-@pytest.mark.parametrize("method", ["features", "thesis"])
-@pytest.mark.parametrize("factor", [1e-6, 1e6])
-def test_the_picture_does_not_depend_on_the_scenes_scale(method: str, factor: float) -> None:
-    rec = slanted_plane(LENS)
-    focus = Focus(points=(3, 20, 50, 70))
-    lens = FrameOptions(focus, radius_for_blur(rec, focus, 1, 0.04), 24, method)
-    big = scaled(rec, factor)
-    lens_big = replace(lens, radius=radius_for_blur(big, focus, 1, 0.04))
-    a, b = planned(rec, 1, lens, SIZE), planned(big, 1, lens_big, SIZE)
-    shift_a = displaced(a.views, a.mesh.xy, a.mesh.inverse_depth)
-    shift_b = displaced(b.views, b.mesh.xy, b.mesh.inverse_depth)
-    assert np.abs(shift_a - shift_b).max() < 1e-6
-    assert lens_big.radius == pytest.approx(factor * lens.radius, rel=1e-9)
 
 
 def test_displacement_is_a_projection_from_a_moved_camera() -> None:
@@ -75,31 +53,6 @@ def test_blur_is_the_disc_of_the_farthest_background() -> None:
         assert min(abs(np.median(discs[far]) - blur), abs(np.median(discs[near]) - blur)) < 0.05 * blur
 
 
-def test_features_in_focus_do_not_move_and_unpinned_corners_do() -> None:
-    rec = slanted_plane(LENS)
-    plan = planned(rec, 1, FrameOptions(Focus(distance=7.0), 0.4, 32), SIZE)
-    moved = displaced(plan.views, plan.mesh.xy, plan.mesh.inverse_depth) - plan.mesh.xy
-    disc = 2 * 0.4 * 270 * np.abs(plan.mesh.inverse_depth - 1 / 7.0)
-    length = np.linalg.norm(moved, axis=2).max(axis=0)
-    assert np.all(length[disc < 1e-9] < 1e-9)
-    assert np.allclose(length, disc / 2, atol=0.02 * disc.max())
-    outside = (plan.mesh.xy[:, 0] < 0) | (plan.mesh.xy[:, 0] > 320)
-    assert outside.any() and length[outside].min() > 1.0
-
-
-def test_the_thesis_pins_corners_before_registration() -> None:
-    rec = slanted_plane(LENS)
-    plan = planned(rec, 1, FrameOptions(Focus(points=(1, 2, 3, 4)), 0.3, 8, "thesis", 5), SIZE)
-    corners = plan.mesh.xy[-4:]
-    assert {tuple(c) for c in corners} == {(0, 0), (320, 0), (0, 180), (320, 180)}
-    placed = displaced(plan.views, corners, plan.mesh.inverse_depth[-4:])
-    expected = (
-        np.einsum("nij,vj->nvi", plan.views.registration[:, :, :2], corners)
-        + plan.views.registration[:, None, :, 2]
-    )
-    assert np.allclose(placed, expected)
-
-
 def test_the_thesis_registration_is_the_least_squares_one() -> None:
     rec = slanted_plane(LENS)
     focus = Focus(points=(1, 40, 80, 120))
@@ -123,37 +76,6 @@ def test_the_thesis_registration_is_the_least_squares_one() -> None:
             assert np.all(error(other) >= best - 1e-12), row2
 
 
-def test_discs_are_filled_evenly() -> None:
-    for points in (vogel_disc(256), random_disc(4096, 1)):
-        assert np.linalg.norm(points, axis=1).max() <= 1.01
-        assert np.abs(points.mean(axis=0)).max() < 0.03
-        assert (points**2).sum(axis=1).mean() == pytest.approx(0.5, abs=0.02)
-    assert np.array_equal(random_disc(9, 4), random_disc(9, 4))
-    assert not np.array_equal(random_disc(9, 4), random_disc(9, 5))
-    assert views_needed(0, False) <= views_needed(16, False) <= views_needed(64, False)
-
-
-def test_delaunay_covers_the_hull_with_empty_circles() -> None:
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        inner = rng.uniform(1, 99, (rng.integers(3, 60), 2))
-        xy = np.concatenate([inner, [[-7, -7], [107, -7], [-7, 107], [107, 107]]])
-        triangles = delaunay(xy)
-        a, b, c = (xy[triangles[:, i]] for i in range(3))
-        area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-        assert np.abs(area).sum() / 2 == pytest.approx(114**2, rel=1e-6)
-        # Circumcircles hold no other point, to the subdivision's float32.
-        d = 2 * area
-        sq = (xy**2).sum(axis=1)
-        sa, sb, sc = (sq[triangles[:, i]] for i in range(3))
-        ux = (sa * (b - c)[:, 1] + sb * (c - a)[:, 1] + sc * (a - b)[:, 1]) / d
-        uy = -(sa * (b - c)[:, 0] + sb * (c - a)[:, 0] + sc * (a - b)[:, 0]) / d
-        centre = np.stack([ux, uy], axis=1)
-        radius = np.linalg.norm(centre - a, axis=1)
-        distance = np.linalg.norm(xy[None] - centre[:, None], axis=2)
-        assert np.all(distance.min(axis=1) >= radius * (1 - 1e-4))
-
-
 def test_canvas_round_trip_under_distortion() -> None:
     for k1 in (-0.12, 0.08):
         lens = replace(LENS, k1=k1, p1=0.001)
@@ -171,20 +93,6 @@ def test_canvas_round_trip_under_distortion() -> None:
         corners = np.array([[0.0, 0.0], [320, 180], [0, 180], [320, 0]])
         inside = canvas.features_from_source(corners)
         assert np.all(inside >= -1e-6) and np.all(inside <= [canvas.pinhole.width, canvas.pinhole.height])
-
-
-def test_picking_takes_four_points_of_one_depth() -> None:
-    rng = np.random.default_rng(1)
-    xy = np.concatenate(
-        [rng.uniform([140, 70], [160, 110], (6, 2)), rng.uniform([162, 70], [300, 110], (30, 2))]
-    )
-    depth = np.concatenate([np.full(6, 3.0), np.full(30, 9.0)])
-    xyz = np.column_stack([(xy - [160, 90]) / 270, np.ones(36)]) * depth[:, None]
-    image = Image(7, np.eye(3), np.zeros(3), xy, np.arange(36, dtype=np.int32))
-    rec = Reconstruction((LENS,), (image,), Points(xyz, np.zeros((36, 3), np.uint8), np.zeros(36)))
-    focus = pick(rec, 7, 150 / 320, 90 / 180)
-    assert len(focus.points) == 4 and max(focus.points) < 6
-    assert focus.inverse_depth(rec, 7) == pytest.approx(1 / 3)
 
 
 def test_picking_on_a_slope_focuses_where_it_was_clicked() -> None:
@@ -210,9 +118,7 @@ def test_picking_on_a_slope_focuses_where_it_was_clicked() -> None:
     ("change", "message"),
     [
         ({"radius": 0.0}, "aperture radius is 0; it must be greater than zero"),
-        ({"radius": -1.0}, "aperture radius is -1"),
         ({"radius": float("nan")}, "aperture radius is nan"),
-        ({"views": -1}, "views cannot be -1"),
         ({"method": "magic"}, "no method 'magic'"),
         ({"focus": Focus(distance=-2.0)}, "focus distance is -2"),
         ({"focus": Focus()}, "nothing is in focus"),

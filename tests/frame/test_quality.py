@@ -20,9 +20,7 @@ from addon.core.depth.stored_depth import depth_entry
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.detail import enlarged, enlarged_values
-from addon.core.frame.forecast import forecast
 from addon.core.frame.frame import Frame
-from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL, QUALITIES, Quality
 from addon.core.media.light import to_linear
@@ -111,23 +109,6 @@ def test_passes_of_smaller_frames_are_enlarged_along_the_edges_of_the_picture() 
     nearest = cv2.resize(depth, (160, 90), interpolation=cv2.INTER_NEAREST)
     assert wrong < 0.25 * np.count_nonzero(nearest != truth)
     assert set(np.unique(enlarged_values(depth, small, source))) == {2.0, 9.0}
-
-
-def test_a_quality_multiplies_the_automatic_number_of_views_alone() -> None:
-    automatic = [forecast(clip(), 2, lens(quality), SIZE).views for quality in QUALITIES.values()]
-    assert automatic == sorted(set(automatic)) and automatic[2] == 2 * automatic[1]
-    assert {forecast(clip(), 2, lens(quality, 11), SIZE).views for quality in QUALITIES.values()} == {11}
-    for quality in QUALITIES.values():
-        size = quality.drawn_size(SIZE)
-        picture = cv2.resize(SOURCE, size)
-        assert mesh_frame(clip(), 2, lens(quality, 11), size, picture).count == 11
-
-
-def test_other_methods_are_drawn_at_the_whole_size() -> None:
-    drawn: list[Frame] = []
-    settings = FrameOptions(Focus(distance=FOCUS), 0.3, 4, "features", quality=DRAFT)
-    render_frame(clip(), 2, settings, SIZE, lambda note: None, drawn.append)
-    assert drawn[0].small.shape == (90, 160, 4)
 
 
 @pytest.mark.parametrize("quality", QUALITIES.values(), ids=QUALITIES)

@@ -126,16 +126,6 @@ def test_a_frame_that_does_not_show_it_is_not_changed() -> None:
     np.testing.assert_array_equal(mended(gone, FRAMES[-1], depth()).inverse_depth, FAR)
 
 
-def test_frames_in_any_order_are_carried_alike() -> None:
-    stroke = Repair("nearer", 5, (MIDDLE,), radius=0.05)
-    one, other = (CarriedPlaces(ClipPictures(FRAMES, picture)) for _ in range(2))
-    forth = {frame: one.region(stroke, frame) for frame in FRAMES}
-    for frame in reversed(FRAMES):
-        found, known = other.region(stroke, frame), forth[frame]
-        assert found is not None and known is not None
-        np.testing.assert_array_equal(found[0], known[0])
-
-
 def test_repairs_are_read_and_mistakes_are_named(tmp_path: Path) -> None:
     file = tmp_path / "mend.json"
     whole = {"kind": "same", "frame": 3, "places": [[0.1, 0.2], [0.3, 0.4]], "reference": [0.5, 0.5]}

@@ -10,7 +10,7 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.media.clip import FrameRange, open_footage
-from addon.core.media.light import BRIGHTEST, decode_srgb, encode_srgb, finite, to_gray8, to_linear
+from addon.core.media.light import BRIGHTEST, finite, to_linear
 from addon.core.media.picture_file import decode_picture
 
 from ..pictures import of_channels
@@ -90,13 +90,6 @@ def test_alpha_is_premultiplied_in_linear_light(tmp_path: Path) -> None:
     assert np.allclose(linear, 0.2, atol=1e-6)
 
 
-def test_gray_pictures_become_colour(tmp_path: Path) -> None:
-    cv2.imwrite(str(tmp_path / "1.png"), np.full((4, 6), 77, np.uint8))
-    picture = open_footage(tmp_path).read(1)
-    assert picture.shape == (4, 6, 3) and np.all(picture == 77)
-    assert np.all(to_gray8(picture) == 77)
-
-
 def test_colours_of_an_exr_stay_premultiplied_as_they_are_stored(scene: object) -> None:
     values = np.array([[0.5, 0.25, 0.125]]), np.array([[0.5, 1.0, 0.25]])
     data = of_channels({"R": values[0], "G": 0.5 * values[0], "B": 0.25 * values[0], "A": values[1]})
@@ -121,12 +114,6 @@ def test_exr_through_blenders_decoder(tmp_path: Path, scene: object) -> None:
     assert np.allclose(to_linear(footage.read(7)), values, atol=1e-5)
 
 
-def test_the_srgb_curve_round_trips() -> None:
-    values = np.linspace(0, 1, 1001)
-    assert np.allclose(decode_srgb(encode_srgb(values)), values, atol=1e-6)
-    assert encode_srgb(np.array(0.2140)) == pytest.approx(0.5, abs=1e-3)
-
-
 def test_the_true_picture_of_an_anamorphic_phone_clip(data: Path) -> None:
     footage = open_footage(data / "duck" / "demo.mp4")
     assert (footage.width, footage.height, len(footage.frames)) == (884, 1080, 118)
@@ -138,27 +125,15 @@ def test_the_true_picture_of_an_anamorphic_phone_clip(data: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda p: p / "gone.mp4", "gone.mp4 does not exist"),
-        (lambda p: p, "has no images"),
         (lambda p: p / "####.png", "has no images"),
         (lambda p: p / "nowhere" / "####.png", "does not exist"),
         (lambda p: (p / "zero.mp4").touch() or p / "zero.mp4", "is empty"),
-        (lambda p: (p / "t.mp4").write_text("hello " * 99) and p / "t.mp4", "not a video that can be read"),
     ],
 )
 def test_what_cannot_be_opened(tmp_path: Path, make: object, message: str) -> None:
     with pytest.raises(UserError, match=message) as caught:
         open_footage(make(tmp_path))  # type: ignore[operator]
     assert "\n" not in str(caught.value)
-
-
-def test_a_truncated_video_names_the_first_missing_frame(tmp_path: Path) -> None:
-    path = write_video(tmp_path / "a.avi", 60, (320, 240))
-    whole = path.read_bytes()
-    # Cut in the middle of the pictures; the header still claims all of them.
-    path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(UserError, match=r"cut off: frame \d+ of 60|not a video|no frame that can"):
-        open_footage(path)
 
 
 def test_a_broken_or_differently_sized_picture_is_named(tmp_path: Path) -> None:

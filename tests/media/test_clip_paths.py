@@ -13,12 +13,9 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.base import digest
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.media import clip_identity
 from addon.core.media.clip import open_footage
-from addon.scene.base import events
 from addon.scene.build import build
 from addon.scene.sources import clip
 from addon.scene.sources.shot import shot_of
@@ -89,20 +86,6 @@ def test_the_same_clip_by_another_path_is_the_same_clip(scene: bpy.types.Scene, 
         shot_of(scene)
 
 
-def test_a_clip_is_read_for_its_identity_once(
-    scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    set_up(scene, write_video(tmp_path / "desk.mp4"))
-    read = []
-    before = digest._digest
-    monkeypatch.setattr(digest, "_digest", lambda *paths: read.append(paths) or before(*paths))
-    digest._known.clear()
-    for _ in range(5):
-        shot_of(scene)
-        assert clip.trouble_with(scene.virtual_aperture) is None
-    assert len(read) == 1
-
-
 def test_paths_are_relative_in_what_is_saved(scene: bpy.types.Scene, tmp_path: Path) -> None:
     settings = set_up(scene, write_video(tmp_path / "a" / "desk.mp4"))
     settings.work_dir, settings.masks = str(tmp_path / "a" / "work"), str(tmp_path / "masks")
@@ -160,15 +143,6 @@ def test_a_clip_that_is_solved_in_a_saved_file_is_relative_at_once(
     assert image.size[0] == LENS.width
 
 
-def test_the_handlers_go_with_the_extension(registered: None) -> None:
-    import addon
-
-    addon.unregister()
-    assert not any(ours in getattr(bpy.app.handlers, event) for event, ours in events._called)
-    addon.register()
-    assert all(getattr(bpy.app.handlers, event).count(ours) == 1 for event, ours in events._called)
-
-
 def rendered(blend: Path, out: Path) -> tuple[np.ndarray | None, str]:
     """A frame that a new process renders of a .blend, and what it said."""
     script = (
@@ -220,18 +194,6 @@ def test_a_clip_is_found_where_its_working_folder_says(scene: bpy.types.Scene, t
     assert clip.solved_clip_path(settings) == tmp_path / "p" / "clips" / "desk.mp4"
 
 
-def test_folders_are_searched_two_levels_down(tmp_path: Path) -> None:
-    clip_path = write_video(tmp_path / "1" / "2" / "desk.mp4")
-    wanted = clip_identity.identity(clip_path)
-    assert clip_identity.find_clip("desk.mp4", wanted, (), tmp_path) == clip_path
-    assert clip_identity.find_clip("desk.mp4", wanted, (clip_path,), None) == clip_path
-    deeper = tmp_path / "1" / "2" / "3" / "desk.mp4"
-    deeper.parent.mkdir()
-    clip_path.rename(deeper)
-    assert clip_identity.find_clip("desk.mp4", wanted, (clip_path,), tmp_path) is None
-    assert clip_identity.find_clip("desk.mp4", "other", (deeper,), tmp_path / "1") is None
-
-
 def test_the_user_shows_where_the_clip_is(scene: bpy.types.Scene, tmp_path: Path) -> None:
     desk = write_video(tmp_path / "desk.mp4")
     settings = set_up(scene, desk)
@@ -257,18 +219,3 @@ def test_the_user_shows_where_the_clip_is(scene: bpy.types.Scene, tmp_path: Path
         assert shot_of(scene).footage.path == (moved if chosen == frames else moved / chosen.name)
         assert settings.camera.data.background_images[0].image.filepath == str(moved / "clip_0001.png")
         moved.rename(frames)
-
-
-def test_a_look_at_the_clip_counts_for_a_while_where_that_is_asked_for(
-    scene: bpy.types.Scene, tmp_path: Path
-) -> None:
-    desk = write_video(tmp_path / "desk.mp4")
-    set_up(scene, desk)
-    shot = shot_of(scene)
-    desk.unlink()
-    assert shot_of(scene, 3600.0) is shot
-    with pytest.raises(UserError, match=r"desk\.mp4 is missing"):
-        shot_of(scene)
-    # The last answer, whichever it was.
-    with pytest.raises(UserError, match=r"desk\.mp4 is missing"):
-        shot_of(scene, 3600.0)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from addon.core.media.clip import open_footage
-from addon.core.media.exif import photo_data
 from addon.core.sfm.worker import _metadata_focal
 
 SIZE = (768, 576)
@@ -77,16 +76,6 @@ def test_a_photo_as_it_was_taken(tmp_path: Path) -> None:
     assert found == pytest.approx(FOCAL_MM / SENSOR_MM * size[0], rel=1e-3)
 
 
-def test_one_on_its_side_is_the_same(tmp_path: Path) -> None:
-    found = focal_of(photo(tmp_path / "p", exif(**FULL), SIZE[::-1]))
-    assert found == pytest.approx(FOCAL, rel=1e-3)
-
-
-def test_an_equivalent_needs_no_sizes(tmp_path: Path) -> None:
-    found = focal_of(photo(tmp_path / "p", exif(focal_mm=FOCAL_MM, equivalent=35)))
-    assert found == pytest.approx(35 / np.hypot(36, 24) * np.hypot(*SIZE), rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("more", "size"),
     [
@@ -103,11 +92,6 @@ def test_what_contradicts_the_picture_is_not_believed(
     tmp_path: Path, more: dict[str, float], size: tuple[int, int]
 ) -> None:
     assert focal_of(photo(tmp_path / "p", exif(**FULL | more), size)) is None
-
-
-def test_a_png_may_have_it_too(tmp_path: Path) -> None:
-    found = photo_data(photo(tmp_path / "p", exif(**FULL), suffix=".png") / "p_1.png")
-    assert found is not None and found.focal(*SIZE) == pytest.approx(FOCAL, rel=1e-3)
 
 
 def test_without_or_damaged_it_tells_nothing(tmp_path: Path) -> None:

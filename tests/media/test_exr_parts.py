@@ -76,13 +76,10 @@ def test_a_clip_with_layers_is_refused_by_name(blender: bpy.types.RenderSettings
     ("names", "wanted"),
     [
         (("ViewLayer.Combined.R", "ViewLayer.Depth.Z", "ViewLayer.Mist.Z"), "ViewLayer.Depth.Z"),
-        (("Layer.Image.R", "Layer.Depth.V"), "Layer.Depth.V"),
         (("A", "B", "G", "R", "Z"), "Z"),
-        (("R", "G", "B", "depth.Z"), "depth.Z"),
         (("R", "G", "B", "N.X", "N.Y", "N.Z", "zDepth.R", "zDepth.G", "zDepth.B"), "zDepth.R"),
         (("V.Depth.Z", "V.Denoising Depth.Z", "V.Position.X", "V.Position.Y", "V.Position.Z"), "V.Depth.Z"),
         (("Front.Combined.R", "Front.Depth.Z", "Hidden.Combined.R", "Hidden.Depth.Z"), "Front.Depth.Z"),
-        (("beauty.R", "beauty.G", "beauty.B", "beauty.Z"), "beauty.Z"),
         (("depth",), "depth"),
     ],
 )
@@ -110,13 +107,13 @@ def test_layers_that_are_not_clear_are_listed(names: tuple[str, ...], said: str)
         decode_picture(data, "a.exr", is_depth=True)
 
 
-@pytest.mark.parametrize("names", [("Y",), ("R", "G", "B"), ("V",), ("R", "G", "B", "A"), ("Y", "A")])
+@pytest.mark.parametrize("names", [("V",), ("R", "G", "B", "A"), ("Y", "A")])
 def test_files_of_one_layer_are_read_as_they_were(names: tuple[str, ...]) -> None:
     data = of_channels(dict.fromkeys(names, VALUES))
     np.testing.assert_array_equal(decode_picture(data, "a.exr", True), decode_picture(data, "a.exr"))
 
 
-@pytest.mark.parametrize("names", [("Y",), ("R", "G", "B"), ("L.Depth.Z", "L.Image.R")])
+@pytest.mark.parametrize("names", [("Y",), ("L.Depth.Z", "L.Image.R")])
 @pytest.mark.parametrize(
     ("place", "display"),
     [((2, 1), (0, 0, 7, 5)), ((-2, -1), (0, 0, 7, 5)), ((-1, -1), (0, 0, 1, 1)), ((9, 9), (5, 4, 11, 10))],

@@ -107,8 +107,7 @@ def test_bars_are_found_to_a_pixel(
     assert np.all(found.mask[least]) and not np.any(found.mask[~most])
 
 
-@pytest.mark.parametrize("crf", [18, 28])
-@pytest.mark.parametrize("opaque", [True, False])
+@pytest.mark.parametrize(("opaque", "crf"), [(True, 28), (False, 18)])
 def test_a_timecode_is_found_with_its_changing_digits(opaque: bool, crf: int, tmp_path: Path) -> None:
     frames, true = timed(moving(), opaque)
     found = found_in(frames, tmp_path / "clip.mp4", crf)
@@ -119,12 +118,11 @@ def test_a_timecode_is_found_with_its_changing_digits(opaque: bool, crf: int, tm
     assert found.mask[y - 4 : y + down + 4, x - 12 : x + across + 12].sum() == found.mask.sum()
 
 
-@pytest.mark.parametrize("crf", [18, 28])
-def test_a_logo_is_found(crf: int, tmp_path: Path) -> None:
+def test_a_logo_is_found(tmp_path: Path) -> None:
     plain = moving()
     frames = branded(plain)
     true = np.any([a != b for a, b in zip(frames, plain, strict=True)], axis=(0, 3))
-    found = found_in(frames, tmp_path / "clip.mp4", crf)
+    found = found_in(frames, tmp_path / "clip.mp4", 28)
     assert found is not None
     assert np.mean(found.mask[true]) > 0.9
     assert np.mean(found.mask[cv2.dilate(true.astype(np.uint8), np.ones((9, 9))) == 0]) == 0
@@ -159,15 +157,11 @@ def shirt() -> list[np.ndarray]:
 NOTHING = {
     "moving": moving,
     "still": still,
-    "equal": lambda: [moving()[0]] * COUNT,
     "still with a logo": lambda: branded(still()),
-    "still with white bars": lambda: barred(still(), 20, 20, 0, 0, (255, 255, 255)),
-    "night": lambda: moving(0.04),
     "vignette": vignetted,
     "hood": hooded,
     "shirt": shirt,
     "black": lambda: [np.zeros((*SIZE[::-1], 3), np.uint8)] * COUNT,
-    "three frames": lambda: barred(moving(), 20, 20, 0, 0)[:3],
     "veiled logo": lambda: branded(moving(), 0.4),
 }
 
@@ -175,12 +169,6 @@ NOTHING = {
 @pytest.mark.parametrize("name", NOTHING)
 def test_what_is_not_sure_is_left_alone(name: str, tmp_path: Path) -> None:
     assert found_in(NOTHING[name](), tmp_path / "clip.mp4") is None
-
-
-def test_black_bars_are_known_before_a_still_camera(tmp_path: Path) -> None:
-    found = found_in(barred(still(), 20, 24, 0, 0), tmp_path / "clip.mp4")
-    assert found is not None
-    assert found.note.endswith("rows 1 to 20; rows 157 to 180")
 
 
 def test_the_scene_is_mirrored_as_at_a_border() -> None:

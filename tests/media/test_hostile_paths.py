@@ -33,7 +33,7 @@ FOREIGN = os.fsdecode(b"na\xefve")
 """A name in Latin-1."""
 
 
-@pytest.mark.parametrize("name", ["take #3.mp4", "100%d.mp4", "{a} ###.mp4", "'quoted' \"x\" $HOME;.mp4"])
+@pytest.mark.parametrize("name", ["100%d {a} ###.mp4", "'quoted' \"x\" $HOME;.mp4"])
 def test_videos_by_any_name(
     tmp_path: Path, scene: bpy.types.Scene, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
@@ -107,25 +107,16 @@ def test_names_that_are_not_utf8_are_refused(tmp_path: Path, capsys: pytest.Capt
         said = capsys.readouterr().err
         assert "(not UTF-8)" in said and r"na\xefve" in said and len(said.splitlines()) == 1
     assert sorted(listed(bad)) == [f"clip_000{n}.png" for n in (1, 2, 3)]
-    # Wherever they come from.
-    footage = open_footage(clip)
-    for call in (open_footage, lambda p: open_masks(p, footage), lambda p: open_depth(p, footage)):
-        with pytest.raises(UserError, match="not UTF-8"):
-            call(bad)
-    for make in (Staging, load_solve, lambda p: output.check_output(p / "o.mp4", False)):
-        with pytest.raises(UserError, match="not UTF-8"):
-            make(bad / "w")
     shutil.copy(clip / "clip_0001.png", clip / f"{FOREIGN}_0004.png")
     with pytest.raises(UserError, match="not UTF-8"):
         open_footage(clip)
 
 
 @pytest.mark.skipif(os.sep == "\\", reason="backslashes separate folders there")
-@pytest.mark.parametrize("name", ["a\\b", "\\", "end\\", "C:\\clips"])
 def test_names_with_backslashes_are_refused_before_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    clip, work = write_frames(tmp_path / "clip", LENS), tmp_path / "work"
+    name, clip, work = "C:\\clips", write_frames(tmp_path / "clip", LENS), tmp_path / "work"
     film, bad = video(tmp_path / "film.mp4"), tmp_path / name
     keep(clip, work)
     shutil.copytree(clip, bad)
@@ -210,7 +201,7 @@ def test_nothing_is_written_over_its_source(
     output.check_apart([frames / "o.mp4", frames / "o.mp4.frames"], [frames, masks])
 
 
-@pytest.mark.parametrize("size", [(4000, 2), (2, 4000), (1, 50), (50, 1), (1, 1), (2, 2), (4000, 30)])
+@pytest.mark.parametrize("size", [(4000, 2), (1, 50), (4000, 30)])
 def test_pictures_of_absurd_shapes_end_in_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], size: tuple[int, int]
 ) -> None:
@@ -225,7 +216,7 @@ def test_pictures_of_absurd_shapes_end_in_a_line(
     assert len(said.splitlines()) == 1 and not (tmp_path / "work").exists()
 
 
-@pytest.mark.parametrize("size", [(4000, 2), (2, 4000), (1, 1)])
+@pytest.mark.parametrize("size", [(4000, 2), (1, 1)])
 def test_pictures_that_blender_cannot_render_are_refused(
     tmp_path: Path, scene: bpy.types.Scene, size: tuple[int, int]
 ) -> None:
@@ -233,42 +224,3 @@ def test_pictures_that_blender_cannot_render_are_refused(
     footage = open_footage(write_frames(tmp_path / "clip", camera))
     with pytest.raises(UserError, match="Blender cannot render images smaller than 4 pixels"):
         build(scene, footage, slanted_plane(camera))
-
-
-def test_masks_and_depth_maps_that_cannot_be_read_are_named(tmp_path: Path) -> None:
-    clip = open_footage(write_frames(tmp_path / "clip", LENS))
-    masks = open_masks(write_frames(tmp_path / "masks", LENS), clip)
-    (tmp_path / "depth").mkdir()
-    for frame in (1, 2, 3):
-        ramp = np.linspace(1, 60_000, LENS.width * LENS.height).reshape(LENS.height, LENS.width)
-        cv2.imwrite(str(tmp_path / "depth" / f"d_{frame}.png"), ramp.astype(np.uint16))
-    depth = open_depth(tmp_path / "depth", clip)
-    for path, kind, read in (
-        (tmp_path / "masks" / "clip_0002.png", "masks", masks.at),
-        (tmp_path / "depth" / "d_2.png", "depth maps", depth.read),
-    ):
-        path.unlink()
-        for damage, said in (
-            (lambda: None, "cannot be read: No such file or directory"),
-            (lambda p=path: p.mkdir(), "cannot be read: Is a directory"),
-            (
-                lambda p=path: (p.rmdir(), p.symlink_to(p)),
-                "cannot be read: Too many levels of symbolic links",
-            ),
-            (lambda p=path: (p.unlink(), p.write_bytes(b"")), r"is empty \(0 bytes\)"),
-            (lambda p=path: p.write_bytes(b"\x89PNG broken"), "cannot be decoded"),
-        ):
-            damage()
-            with pytest.raises(UserError, match=rf"{kind}: .*{path.name} {said}"):
-                read(2)
-
-
-def test_gray_with_alpha_is_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    clip = write_frames(tmp_path / "clip", LENS)
-    gray = np.dstack([np.full((90, 160), 77, np.uint8), np.full((90, 160), 200, np.uint8)])
-    monkeypatch.setattr(cv2, "imdecode", lambda *_: gray)
-    picture = open_footage(clip).read(1)
-    assert picture.shape == (90, 160, 4) and picture[0, 0].tolist() == [77, 77, 77, 200]
-    monkeypatch.setattr(cv2, "imdecode", lambda *_: np.zeros((90, 160, 5), np.uint8))
-    with pytest.raises(UserError, match="cannot be decoded"):
-        open_footage(clip)

@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from addon.cli.main import parser
 from addon.core.base.arrays import Map
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import Footage, open_footage
 from addon.core.media.masks import open_masks
 from addon.render.views.quiet import quiet
-from addon.scene.base import exr
 from addon.scene.build import build
 from addon.scene.sources.masks import drawn_mask, follows_tracks, layers_of
 from addon.scene.sources.shot import shot_of
@@ -79,11 +77,10 @@ def test_other_numbers_in_order_but_not_other_counts(clip: Footage, tmp_path: Pa
         open_masks(write_masks(tmp_path / "others", (20, 21, 22, 23)), clip)
 
 
-@pytest.mark.parametrize("size", [(32, 24), (192, 144), (100, 75)])
-def test_any_size(clip: Footage, tmp_path: Path, size: tuple[int, int]) -> None:
+def test_any_size(clip: Footage, tmp_path: Path) -> None:
     (tmp_path / "m").mkdir()
     for frame in FRAMES:
-        cv2.imwrite(str(tmp_path / "m" / f"{frame}.png"), white_box(size))
+        cv2.imwrite(str(tmp_path / "m" / f"{frame}.png"), white_box((100, 75)))
     found = open_masks(tmp_path / "m", clip).at(4)
     assert found is not None and found.shape == TRUE.shape
     assert ((found > 0.5) & TRUE).sum() > 0.9 * ((found > 0.5) | TRUE).sum()
@@ -136,21 +133,6 @@ def test_what_is_between_white_and_black_is_opacity(clip: Footage, tmp_path: Pat
         found = open_masks(tmp_path / name, clip).at(4)
         assert found is not None and found.dtype == np.float32, name
         np.testing.assert_allclose(found, ramp / 255, atol=1e-3, err_msg=name)
-
-
-def test_exr(scene: bpy.types.Scene, clip: Footage, tmp_path: Path) -> None:
-    exr.register()
-    image = bpy.data.images.new("mask", WIDTH, HEIGHT, alpha=False, float_buffer=True)
-    image.pixels.foreach_set(np.repeat(TRUE[::-1].astype(np.float32).ravel(), 4))
-    settings = scene.render.image_settings
-    settings.file_format, settings.color_mode, settings.color_depth = "OPEN_EXR", "RGB", "32"
-    scene.view_settings.view_transform = "Standard"
-    (tmp_path / "m").mkdir()
-    for frame in FRAMES:
-        image.save_render(str(tmp_path / "m" / f"{frame:04d}.exr"), scene=scene)
-    found = open_masks(tmp_path / "m", clip).at(5)
-    assert found is not None
-    np.testing.assert_array_equal(found, TRUE)
 
 
 def test_what_cannot_be_read_is_named(clip: Footage, tmp_path: Path) -> None:
@@ -249,7 +231,7 @@ def test_a_drawn_mask_is_what_the_compositor_makes_of_it(
     assert (moved & other).sum() > 0.95 * (moved | other).sum()
 
 
-@pytest.mark.parametrize("falloff", ["SMOOTH", "SPHERE", "ROOT", "INVERSE_SQUARE", "SHARP", "LINEAR"])
+@pytest.mark.parametrize("falloff", ["SMOOTH", "ROOT", "SHARP"])
 def test_feather_is_what_the_compositor_makes_of_it(
     scene: bpy.types.Scene, tmp_path: Path, falloff: str
 ) -> None:
@@ -346,9 +328,3 @@ def test_a_shot_has_both_masks(scene: bpy.types.Scene, tmp_path: Path) -> None:
     again = shot_of(scene).clip.masked(4)
     assert again is not None
     np.testing.assert_array_equal(again, TRUE)
-
-
-def test_the_command_line_takes_a_mask() -> None:
-    for command in (["render", "w", "--out", "o"], ["save", "w", "--blend", "b"]):
-        options = parser().parse_args([*command, "--focus-distance", "1", "--mask", "masks"])
-        assert options.mask == Path("masks")

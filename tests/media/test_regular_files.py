@@ -6,7 +6,6 @@ import io
 import json
 import os
 import signal
-import socket
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,14 +21,13 @@ from addon.core.base import npz
 from addon.core.base.digest import file_digest
 from addon.core.base.errors import UserError
 from addon.core.base.file_lock import FolderLock
-from addon.core.base.regular_file import is_regular, open_regular, read_regular
 from addon.core.base.store import Store
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.stored_depth import depth_entry
 from addon.core.media import exif
 from addon.core.media.clip import open_footage
-from addon.core.media.clip_identity import identity, is_clip
+from addon.core.media.clip_identity import is_clip
 from addon.core.media.copying import copy_file
 from addon.core.media.picture_file import read_picture
 from addon.core.readers import bundler, nvm, read_reconstruction, voodoo
@@ -83,10 +81,7 @@ KINDS = [(pipe, "it is a pipe, not a file"), (device, "it is a device, not a fil
     ("name", "read"),
     [
         ("a.png", read_picture),
-        ("a.exr", read_picture),
         ("a.mp4", open_footage),
-        ("a.mp4", identity),
-        ("a.bin", file_digest),
         ("solve.json", lambda path: read_state(path.parent)),
     ],
 )
@@ -116,22 +111,6 @@ def test_what_is_no_file_tells_nothing(tmp_path: Path, make: Callable[[Path], Pa
     (tmp_path / ".solving.lock").unlink()
     make(tmp_path / ".solving.lock")
     lock.release()
-
-
-def test_sockets_and_folders_are_no_files(tmp_path: Path) -> None:
-    with socket.socket(socket.AF_UNIX) as one:
-        one.bind(str(tmp_path / "s"))
-        with pytest.raises(OSError, match="it is a socket"):
-            open_regular(tmp_path / "s")
-    with pytest.raises(IsADirectoryError):
-        read_regular(tmp_path)
-    (tmp_path / "f").write_bytes(b"0123456789")
-    (tmp_path / "link").symlink_to(tmp_path / "f")
-    assert read_regular(tmp_path / "link", 10) == b"0123456789"
-    with pytest.raises(OSError, match="it has 10 bytes, 9 at most were expected"):
-        read_regular(tmp_path / "f", 9)
-    assert is_regular(tmp_path / "f") and is_regular(tmp_path / "link")
-    assert not any(is_regular(tmp_path / name) for name in ("s", "", "no"))
 
 
 def test_a_pipe_among_the_frames_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -184,9 +163,7 @@ def test_a_strangers_solve_of_no_file_is_refused(
         assert f"their.mp4 cannot be read: {said}" in err and len(err.splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    "lie", [{"times": list(range(10**6))}, {"times": []}, {"width": 10**9}, {"height": 2**31}, {"width": 161}]
-)
+@pytest.mark.parametrize("lie", [{"times": list(range(10**6))}, {"times": []}, {"width": 10**9}])
 def test_a_count_or_a_size_that_the_clip_does_not_have_is_not_believed(
     work: Path, lie: dict[str, Any]
 ) -> None:
@@ -234,20 +211,6 @@ def test_packed_zeros_are_not_unpacked(tmp_path: Path, monkeypatch: pytest.Monke
     with pytest.raises(ValueError, match=r"a\.npz unpacks to more"):
         npz.read_arrays(path, ("frame", "point"), 1 << 20)
     assert not unpacked
-
-
-@pytest.mark.parametrize(
-    "parts",
-    [
-        {"frame": np.array([1, 1]), "point": np.array([{}, {}])},
-        {"frame": np.array([1, 1]), "point": np.array(["a", "b"])},
-        {"frame": np.array([1, 1])},
-    ],
-)
-def test_arrays_of_other_things_are_refused(tmp_path: Path, parts: dict[str, np.ndarray]) -> None:
-    np.savez_compressed(tmp_path / "a.npz", **parts)
-    with pytest.raises(ValueError):
-        npz.read_arrays(tmp_path / "a.npz", ("frame", "point"), 1000)
 
 
 def test_an_array_is_as_large_as_it_says(tmp_path: Path) -> None:

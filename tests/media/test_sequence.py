@@ -18,7 +18,7 @@ from addon.core.depth.user_maps import open_depth
 from addon.core.media.clip import Footage, FrameRange, open_footage
 from addon.core.media.masks import open_masks
 from addon.core.media.packed_pictures import open_packed
-from addon.core.media.sequence import LAST_FRAME, frames_of, pattern_of
+from addon.core.media.sequence import pattern_of
 from addon.core.readers import read_reconstruction
 from addon.scene.build import build
 from addon.scene.sources.movieclip import _frame_numbers
@@ -61,12 +61,6 @@ def test_times_of_day_have_no_gaps_and_no_number_is_rounded(tmp_path: Path) -> N
     assert [footage.file(frame).name for frame in footage.frames] == names
 
 
-def test_numbers_that_blender_can_address_stay_as_they_are() -> None:
-    assert frames_of([LAST_FRAME - 1, LAST_FRAME]) == {LAST_FRAME - 1: LAST_FRAME - 1, LAST_FRAME: LAST_FRAME}
-    assert frames_of([0, 7]) == {0: 0, 7: 7}
-    assert frames_of([LAST_FRAME, LAST_FRAME + 1]) == {LAST_FRAME: 1, LAST_FRAME + 1: 2}
-
-
 @pytest.mark.parametrize("named", [(1100336, 1100338), (2, 4)])
 def test_masks_belong_to_the_frames_of_the_same_file_numbers(tmp_path: Path, named: tuple[int, int]) -> None:
     clip = open_footage(pictures(tmp_path / "clip", [f"P{1100335 + at}.png" for at in range(5)]))
@@ -86,15 +80,6 @@ def test_the_background_of_a_renumbered_clip_is_the_frames_own_picture(
         scene.frame_set(frame)
         path = background.image.filepath_from_user(image_user=background.image_user)
         assert Path(bpy.path.abspath(path)) == footage.file(frame)
-
-
-def test_a_clip_that_blender_cannot_show_has_points_in_its_place(
-    scene: bpy.types.Scene, tmp_path: Path
-) -> None:
-    names = [f"desk_{1001 + at}_v02.png" for at in range(3)]
-    footage = open_footage(pictures(tmp_path / "clip", names))
-    settings = build(scene, footage, slanted_plane(LENS))
-    assert not settings.camera.data.background_images and not settings.points.hide_get()
 
 
 @pytest.mark.parametrize("path", ["", "desk_####_v02.png", "desk_%04d_v02.png", "desk_####_v##.png"])

@@ -119,8 +119,3 @@ def test_videos_of_other_lengths_are_refused(clip: Footage, video: Footage, tmp_
         for opened in (open_depth, open_masks):
             with pytest.raises(UserError, match=UNCLEAR):
                 opened(half, footage)
-
-
-def test_masks_are_drawn_for_the_frames_that_need_one(clip: Footage, tmp_path: Path) -> None:
-    masks = open_masks(write(tmp_path / "masks", range(1, 13)), clip)
-    assert masks.frames == tuple(range(1, 13))

@@ -15,13 +15,12 @@ from pathlib import Path
 import bpy
 import pytest
 
-from addon.core.base import atomic, digest, file_lock
+from addon.core.base import digest, file_lock
 from addon.core.base.errors import Remedy, UserError
 from addon.core.base.file_lock import process_table
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import open_footage
-from addon.core.media.clip_identity import identity, is_clip, is_same_clip
-from addon.core.media.copying import copy_file
+from addon.core.media.clip_identity import identity, is_same_clip
 from addon.core.readers.colmap_export import write_model
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.state import Staging
@@ -92,17 +91,6 @@ def test_the_projects_own_copy_wins_if_it_is_the_one(tmp_path: Path) -> None:
         load_solve(second / "work")
 
 
-def test_a_clip_is_known_by_what_is_in_it(tmp_path: Path) -> None:
-    for clip in (video(tmp_path / "clip.mp4"), write_frames(tmp_path / "frames", LENS)):
-        assert is_same_clip(clip, identity(clip))
-    frames = tmp_path / "frames"
-    known = identity(frames)
-    assert identity(frames / "clip_####.png") == known
-    # Of the same name, size and times.
-    exchange(frames / "clip_0003.png")
-    assert not is_clip(frames, known)
-
-
 def read_bytes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Bytes that are read of each file for a digest from now on."""
     read, before = [], digest._digest
@@ -144,8 +132,7 @@ def spoil(clip: Path, at: int, keep_time: bool = False) -> None:
         os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
 
 
-@pytest.mark.parametrize("kind", ["video", "frames"])
-@pytest.mark.parametrize("keep_time", [False, True])
+@pytest.mark.parametrize(("kind", "keep_time"), [("video", False), ("frames", True)])
 def test_a_large_clip_that_is_changed_in_the_middle_is_another(
     large: Callable[[str], Path], kind: str, keep_time: bool
 ) -> None:
@@ -160,33 +147,31 @@ def test_a_large_clip_that_is_changed_in_the_middle_is_another(
     assert is_same_clip(clip, wanted)
 
 
-@pytest.mark.parametrize("kind", ["video", "frames"])
 def test_a_panel_judges_a_large_clip_by_its_size(
-    large: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, kind: str
+    large: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    clip = large(kind)
+    clip = large("frames")
     wanted = identity(clip)
     spoil(clip, 150_000)
     read = read_bytes(monkeypatch)
     assert is_same_clip(clip, wanted, at_a_glance=True)
-    with (clip / "1.exr" if clip.is_dir() else clip).open("ab") as file:
+    with (clip / "1.exr").open("ab") as file:
         file.write(b"1")
     assert not is_same_clip(clip, wanted, at_a_glance=True)
     # What the size shows is not read.
     assert not is_same_clip(clip, wanted) and not read
 
 
-@pytest.mark.parametrize("kind", ["video", "frames"])
 def test_a_large_clip_is_read_whole_once_for_all_processes(
-    large: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+    large: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    clip = large(kind)
+    clip = large("frames")
     # Its times of change are those of today: until they are past it might change again within the same.
     now = time.time()
     monkeypatch.setattr(digest.time, "time", lambda: now + 60)
     read = read_bytes(monkeypatch)
     wanted = identity(clip)
-    assert sum(size == 300_000 for size in read) == (1 if kind == "video" else 3)
+    assert sum(size == 300_000 for size in read) == 3
     digest._known.clear()
     read.clear()
     assert identity(clip) == wanted and is_same_clip(clip, wanted) and 300_000 not in read
@@ -204,28 +189,9 @@ def test_a_large_clip_is_read_whole_once_for_all_processes(
         store.write_bytes(damage)
         assert is_same_clip(clip, wanted)
     shutil.rmtree(store.parent)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(clip if kind == "video" else clip / "0.exr"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(clip / "0.exr"))
     digest._known.clear()
     assert is_same_clip(clip, wanted)
-
-
-@pytest.mark.parametrize("kind", ["video", "frames"])
-def test_what_was_just_written_is_read_again_by_the_next_process(
-    large: Callable[[str], Path], tmp_path: Path, kind: str
-) -> None:
-    identity(large(kind))
-    assert not (tmp_path / "cache").exists()
-
-
-def test_a_copy_that_differs_in_the_middle_is_not_taken_for_the_original(
-    large: Callable[[str], Path], tmp_path: Path
-) -> None:
-    clip = large("video")
-    other = tmp_path / "folder" / clip.name
-    copy_file(clip, other)
-    spoil(other, 150_000)
-    with pytest.raises(UserError, match="already exists and differs from"):
-        copy_file(clip, other)
 
 
 @pytest.mark.parametrize(
@@ -233,9 +199,7 @@ def test_a_copy_that_differs_in_the_middle_is_not_taken_for_the_original(
     [
         ("", "is damaged .it is empty"),
         ("{", "is damaged .it is not JSON"),
-        ("[" * 100_000, "is damaged .it is not JSON"),
         ('{"version": 1}', "is damaged .it lacks footage"),
-        ('{"version": "1"}', "is damaged .it lacks a version"),
         ('{"version": 99}', "made with a newer Virtual Aperture"),
     ],
 )
@@ -332,27 +296,6 @@ def test_a_kill_between_model_and_state_loses_nothing(tmp_path: Path, moved: str
     assert load_solve(work).reconstruction.cameras[0].fx == (LENS.fx if moved == "old" else longer.fx)
     assert listed(work / "model") == expected
     assert sorted(p.name for p in work.iterdir()) == ["model", "solve.json"]
-
-
-def test_litter_of_dead_processes_is_collected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    temporary, work = tmp_path / "tmp", tmp_path / "work"
-    monkeypatch.setattr(atomic.tempfile, "gettempdir", lambda: str(temporary))
-    dead, alive = (f"{process_table()}-{pid}-0123abcd" for pid in (999999999, os.getppid()))
-    # In the working folder whoever is alive has its lock.
-    litter = [temporary / f"virtual-aperture-{owner}" for owner in (dead, alive)]
-    for folder in (*litter, work / f".solving-{dead}"):
-        folder.mkdir(parents=True)
-        (folder / "database.db").touch()
-    (temporary / "virtual-aperture-of-mine").mkdir()
-    clip = planes.write_clip(tmp_path / "walk", planes.sideways(3))
-    SolveProcess(clip, work).cancel()
-    assert list(work.iterdir()) == []
-    assert sorted(p.name for p in temporary.iterdir()) == sorted(
-        [f"virtual-aperture-{alive}", "virtual-aperture-of-mine"]
-    )
-    with atomic.temporary_folder() as folder:
-        assert folder.parent == temporary and not atomic.collect_temporary()
-    assert not folder.exists()
 
 
 def test_a_killed_solve_leaves_nothing_after_the_next_start(tmp_path: Path) -> None:
@@ -481,8 +424,7 @@ def test_ranges_of_a_sequence_are_written_side_by_side(
     assert listed(out.parent) == listed(whole.parent)
 
 
-@pytest.mark.parametrize("overwrite", [False, True])
-@pytest.mark.parametrize("taken", [1, 2, 3])
+@pytest.mark.parametrize(("overwrite", "taken"), [(False, 1), (True, 2), (False, 3)])
 def test_another_run_with_other_settings_is_told(
     ready: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool, taken: int
 ) -> None:
@@ -525,12 +467,3 @@ def test_same_clip_same_model(tmp_path: Path) -> None:
                 each.wait()
         models.append(listed(tmp_path / f"work{number}" / "model"))
     assert models[0] == models[1]
-
-
-def test_nothing_of_pycolmaps_is_left_to_threads_or_chance() -> None:
-    from addon.core.sfm.mapping import keyframes
-
-    mapper = keyframes.mapper_options(3.0)
-    assert mapper.num_threads == mapper.mapper.num_threads == 1
-    assert mapper.random_seed == mapper.mapper.random_seed == mapper.triangulation.random_seed == 0
-    assert keyframes._adjustment_options().ceres.solver_options.num_threads == 1

@@ -9,8 +9,7 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.base.options import options_of
-from addon.core.optics.aperture import Aperture, ApertureImage, ApertureSamples, aperture_samples
-from addon.core.optics.aperture_sampling import centroidal_disc
+from addon.core.optics.aperture import Aperture, ApertureImage, aperture_samples
 
 from ..variants import combined
 
@@ -103,18 +102,6 @@ def test_views_are_where_light_passes() -> None:
     assert picture.weights[right].mean() > 1.2 * picture.weights[~right].mean()
 
 
-def test_a_round_hole_is_sampled_as_ever() -> None:
-    for shape in (Aperture(), Aperture(blades=2), Aperture(blades=6, roundness=1.0, rotation=0.5)):
-        samples = aperture_samples(shape, 24)
-        np.testing.assert_array_equal(samples.positions, centroidal_disc(24))
-        assert samples.weights is None and samples.spread == 1
-
-
-def mean_of(samples: ApertureSamples) -> np.ndarray:
-    weights = np.full(len(samples.positions), 1 / len(samples.positions))
-    return np.asarray((weights if samples.weights is None else samples.weights) @ samples.positions)
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [("blades", 40), ("ratio", 0.0), ("obstruction", 1.0), ("apodisation", 1.0), ("roundness", -0.1),
@@ -125,11 +112,6 @@ def test_shapes_that_mean_nothing_are_refused(name: str, value: float) -> None:
         UserError, match=rf"^{re.escape(options_of(Aperture)[name].phrase)} cannot be .*; give a number"
     ):
         Aperture(**{name: value})
-
-
-def test_a_black_picture_is_refused() -> None:
-    with pytest.raises(UserError, match="black"):
-        Aperture(image=ApertureImage(np.zeros((4, 4), np.float32)))
 
 
 def test_pictures_are_told_apart_by_what_they_show() -> None:

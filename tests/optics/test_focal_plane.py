@@ -42,13 +42,6 @@ def test_points_of_the_plane_have_no_blur_in_any_frame(frame: int) -> None:
     assert abs(discs[4]) > 1
 
 
-def test_more_points_than_three_are_fitted() -> None:
-    lens = lens_of(Focus((0, 1, 2, 3), through_points=True))
-    local = XYZ[:4]
-    away = lens.focus - lens.rectified(1 / local[:, 2], LENS.project(local))
-    assert (away > 0).any() and (away < 0).any() and np.abs(away).max() < 0.02
-
-
 def test_angles_lean_the_upper_and_the_right_part_away() -> None:
     lens = lens_of(Focus(distance=5.0, tilt=0.3, swing=0.4))
     on_axis, above, right = LENS.principal_point + np.array([[0, 0], [0, -50], [50, 0]])
@@ -58,28 +51,6 @@ def test_angles_lean_the_upper_and_the_right_part_away() -> None:
         # From (0, 5) on, at such an angle, to where the ray meets it.
         depth = 1 / inverse
         assert (depth - 5) / (depth * ray) == pytest.approx(np.tan(angle))
-
-
-def test_positions_and_inverse_depths_come_back() -> None:
-    lens = lens_of(THROUGH)
-    positions = 0.2 * np.array([[0, 0], [1, 0], [0, -1], [-0.6, 0.6]])
-    moved = lens.sheared_positions(positions)
-    np.testing.assert_allclose(lens.aperture_positions(moved), positions, atol=1e-15)
-    assert np.linalg.norm(moved, axis=1).max() == pytest.approx(0.2 * lens.stretch)
-    assert lens.stretch > 1.01
-    inverse = np.random.default_rng(0).uniform(0, 0.3, (LENS.height + 10, LENS.width + 10))
-    rows, columns = np.mgrid[: LENS.height + 10, : LENS.width + 10] - 4.5
-    at = np.column_stack([columns.ravel(), rows.ravel()])
-    np.testing.assert_allclose(lens.rectified_raster(inverse).ravel(), lens.rectified(inverse.ravel(), at))
-    assert lens.rectified_raster(inverse).min() > 0
-
-
-def test_a_plane_that_is_not_tilted_is_what_it_was() -> None:
-    for focus in (Focus(distance=5.0), Focus(distance=np.inf, tilt=0.3), Focus((0, 1))):
-        lens = lens_of(focus)
-        assert lens == ThinLens(LENS, 0.2, focus.inverse_depth(clip(), 1))
-        values = np.ones((LENS.height, LENS.width), np.float32)
-        assert lens.rectified_raster(values) is values and lens.sheared_positions(values) is values
 
 
 def test_points_that_make_no_plane_are_refused() -> None:

@@ -53,11 +53,6 @@ def test_discs_within_are_nothing_and_outside_those_of_its_ends() -> None:
         )
 
 
-def test_without_a_zone_nothing_is_computed() -> None:
-    inverse = np.ones((90, 160), np.float32)
-    assert ThinLens(PINHOLE, RADIUS, 0.2).rectified_raster(inverse) is inverse
-
-
 class Steps(DepthSource):
     """Three steps of depth from left to right."""
 

@@ -92,11 +92,8 @@ def test_transforms_json_has_lenses_of_frames_and_distortion(tmp_path: Path, foo
     [
         ({"frames": []}, "a list of frames"),
         ({"frames": [{"file_path": "a.png"}]}, "frame 0: expected a transform_matrix"),
-        ({"frames": [{"file_path": "a.png", "transform_matrix": np.eye(4).tolist()[:2]}]}, "not of 2 rows"),
         ({"frames": [{"file_path": "a.png", "transform_matrix": (2 * np.eye(4)).tolist()}]}, "of a rotation"),
-        ({"frames": [{"transform_matrix": np.eye(4).tolist()}]}, "expected a file_path"),
         ({"fl_x": None}, "a focal length as fl_x"),
-        ({"fl_x": 10**400}, "one number as fl_x"),
         ({"camera_model": "EQUIRECTANGULAR"}, "a camera_model that is one of"),
     ],
 )
@@ -131,13 +128,6 @@ def test_depth_anything(tmp_path: Path, footage: Footage, known: Reconstruction)
     imported = read_reconstruction(files.depth_anything(tmp_path / "results.npz", known), footage)
     assert imported.lacks_points and imported.format == "Depth Anything 3"
     assert_same(imported.reconstruction, known)
-
-
-def test_arrays_of_objects_are_never_unpacked(tmp_path: Path, footage: Footage) -> None:
-    path = tmp_path / "evil.npz"
-    np.savez(path, cam_c2w=np.array([{"a": 1}], dtype=object), intrinsic=np.eye(3), allow_pickle=True)
-    with pytest.raises(UserError, match="not a model in a known format"):
-        read_reconstruction(path, footage)
 
 
 def test_colmap_and_bundler_without_points(tmp_path: Path, footage: Footage, known: Reconstruction) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -44,20 +43,6 @@ def test_what_is_written_is_read(tmp_path: Path, camera: Intrinsics) -> None:
     assert_same(read_model(tmp_path), before)
 
 
-@pytest.mark.parametrize(
-    ("camera", "expected"),
-    [
-        ("SIMPLE_PINHOLE 640 480 500 320 240", Intrinsics(640, 480, 500, 500, 320, 240)),
-        ("SIMPLE_RADIAL 640 480 500 320 240 0.1", Intrinsics(640, 480, 500, 500, 320, 240, k1=0.1)),
-        ("RADIAL 640 480 500 320 240 0.1 0.2", Intrinsics(640, 480, 500, 500, 320, 240, k1=0.1, k2=0.2)),
-    ],
-)
-def test_other_camera_models_are_read(tmp_path: Path, camera: str, expected: Intrinsics) -> None:
-    write_model(tmp_path, example(PINHOLE))
-    (tmp_path / "cameras.txt").write_text(f"# comment\n1 {camera}\n")
-    assert read_model(tmp_path).cameras == (expected,)
-
-
 def test_features_without_a_point_and_ids_with_gaps(tmp_path: Path) -> None:
     (tmp_path / "cameras.txt").write_text("7 PINHOLE 640 480 500 500 320 240\n")
     (tmp_path / "images.txt").write_text(
@@ -76,8 +61,6 @@ def test_features_without_a_point_and_ids_with_gaps(tmp_path: Path) -> None:
     [
         ("cameras.txt", 2, "PINHOLE", "PINHOL"),
         ("cameras.txt", 2, "500.1", "nan"),
-        ("cameras.txt", 2, "500.1", "-1"),
-        ("cameras.txt", 2, " 640 ", " 0 "),
         ("images.txt", 3, "frame_000003.png", ""),
         ("images.txt", 3, " 1 frame", " 8 frame"),
         ("points3D.txt", 2, "0 ", "x "),
@@ -94,23 +77,13 @@ def test_damage_is_named_with_file_and_line(tmp_path: Path, file: str, line: int
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("text", ["1 2", "1 2 nan", "1 nan 3", "1 2 999", "1 2 -5", "1 2 x"])
+@pytest.mark.parametrize("text", ["1 2", "1 2 nan", "1 2 999"])
 def test_damaged_features_are_named(tmp_path: Path, text: str) -> None:
     write_model(tmp_path, example(PINHOLE))
     rows = (tmp_path / "images.txt").read_text().split("\n")
     rows[3] = text
     (tmp_path / "images.txt").write_text("\n".join(rows))
     with pytest.raises(UserError, match="line 4"):
-        read_model(tmp_path)
-
-
-def test_zero_quaternion_is_refused(tmp_path: Path) -> None:
-    write_model(tmp_path, example(PINHOLE))
-    rows = (tmp_path / "images.txt").read_text().split("\n")
-    words = rows[2].split()
-    rows[2] = " ".join([words[0], "0", "0", "0", "0", *words[5:]])
-    (tmp_path / "images.txt").write_text("\n".join(rows))
-    with pytest.raises(UserError, match="quaternion"):
         read_model(tmp_path)
 
 
@@ -123,15 +96,6 @@ def test_missing_and_binary_files_are_named(tmp_path: Path, file: str) -> None:
     (tmp_path / file).unlink()
     with pytest.raises(UserError, match=file):
         read_model(tmp_path)
-
-
-def test_a_truncated_model_is_an_error_or_a_smaller_model(tmp_path: Path) -> None:
-    write_model(tmp_path, example(PINHOLE))
-    text = (tmp_path / "images.txt").read_text()
-    for length in range(0, len(text), 97):
-        (tmp_path / "images.txt").write_text(text[:length])
-        with contextlib.suppress(UserError):
-            assert len(read_model(tmp_path).images) <= 3
 
 
 @pytest.mark.parametrize("names", [("frame.png", "frame_7.png"), ("a7.png", "b7.png")])

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
+from addon.core.camera.reconstruction import Image, Points, Reconstruction, rotation_matrix
 from addon.core.readers import colmap
 from addon.core.readers.colmap_binary import FILES as BINARY
 from addon.core.readers.colmap_export import write_model
@@ -22,7 +22,6 @@ from addon.core.readers.colmap_text import FILES as TEXT
 
 from ..foreign_models import assert_same
 from ..lenses import TERMS, lens_of
-from ..scenes import slanted_plane
 
 SIZE = (640, 480)
 
@@ -170,22 +169,6 @@ def test_sceaux_agrees_with_its_own_error(data: Path, kind: str) -> None:
     np.testing.assert_allclose(sums / model.views_per_point, model.points.error, rtol=0, atol=limit)
 
 
-def test_sceaux_is_the_same_as_text_and_binary(data: Path) -> None:
-    binary, text = (colmap.read(data / "sceaux" / f"colmap_{kind}", (2832, 2128)) for kind in ("bin", "txt"))
-    assert binary.names == text.names
-    # Every point is seen, so this compares them all.
-    assert binary.reconstruction.views_per_point.min() > 0
-    for one, other in zip(binary.reconstruction.images, text.reconstruction.images, strict=True):
-        np.testing.assert_allclose(one.rotation, other.rotation, atol=5e-6)
-        np.testing.assert_allclose(one.translation, other.translation, atol=5e-5)
-        np.testing.assert_allclose(one.xy, other.xy, rtol=6e-6)
-        np.testing.assert_allclose(
-            binary.reconstruction.points.xyz[one.points],
-            text.reconstruction.points.xyz[other.points],
-            rtol=6e-6,
-        )
-
-
 def test_a_header_that_promises_more(from_colmap: FromColmap, tmp_path: Path) -> None:
     """COLMAP's comments say how much follows, which is all that shows where a text was cut."""
     for name in TEXT:
@@ -238,22 +221,15 @@ FIRST_IMAGE = 8 + struct.calcsize("<I7dI") + len("frame_000000.png") + 1
     [
         ("cameras.bin", 0, struct.pack("<Q", 2**60), "at most .* cameras"),
         ("cameras.bin", 12, struct.pack("<i", 18), "0 to 17, not 18"),
-        ("cameras.bin", 12, struct.pack("<i", -1), "0 to 17, not -1"),
         ("cameras.bin", 16, struct.pack("<Q", 0), "size"),
-        ("cameras.bin", 16, struct.pack("<Q", 2**63), "size"),
-        ("cameras.bin", 32, NAN, "parameters"),
         ("cameras.bin", 32, struct.pack("<d", -500), "focal lengths"),
         ("images.bin", 0, struct.pack("<Q", 2**33), "at most .* images"),
         ("images.bin", 12, bytes(32), "quaternion that is not zero"),
-        ("images.bin", 12, NAN, "pose"),
-        ("images.bin", 44, struct.pack("<d", np.inf), "pose"),
         ("images.bin", 68, struct.pack("<I", 99), "model's cameras, not 99"),
         ("images.bin", FIRST_IMAGE, struct.pack("<Q", 2**28), "at most .* features"),
-        ("images.bin", FIRST_IMAGE + 8, NAN, "features"),
         ("images.bin", FIRST_IMAGE + 24, struct.pack("<Q", 5000), "model's points, not 5000"),
         ("points3D.bin", 0, struct.pack("<Q", 2**64 - 1), "at most .* points"),
         ("points3D.bin", 16, NAN, "a point of numbers"),
-        ("points3D.bin", 43, NAN, "a point of numbers"),
         ("points3D.bin", 51, struct.pack("<Q", 2**61), "point|track"),
     ],
 )
@@ -268,22 +244,3 @@ def test_damaged_binaries_are_named(
     with pytest.raises(UserError, match=rf"{name}, byte \d+: expected .*({message})") as error:
         colmap.read(tmp_path, SIZE)
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "column"),
-    [("cameras.txt", 0), ("cameras.txt", 2), ("cameras.txt", 4), ("images.txt", 0), ("images.txt", 1),
-     ("images.txt", 8), ("points3D.txt", 0), ("points3D.txt", 1), ("points3D.txt", 4), ("points3D.txt", 7)],
-)  # fmt: skip
-def test_a_number_with_underscores_is_none(tmp_path: Path, name: str, column: int) -> None:
-    camera = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
-    write_model(tmp_path, slanted_plane(camera, (1, 2, 3), count=50))
-    assert len(colmap.read(tmp_path, (160, 90)).reconstruction.images) == 3
-    lines = (tmp_path / name).read_text().splitlines()
-    at = next(number for number, line in enumerate(lines) if line and not line.startswith("#"))
-    words = lines[at].split()
-    words[column] = "1_0"
-    lines[at] = " ".join(words)
-    (tmp_path / name).write_text("\n".join(lines))
-    with pytest.raises(UserError, match=rf"{name}, line {at + 1}: expected a number .*'1_0'"):
-        colmap.read(tmp_path, (160, 90))

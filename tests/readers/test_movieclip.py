@@ -164,15 +164,8 @@ def similarity(source: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarra
 LENSES = [
     Lens(),
     Lens("POLYNOMIAL", {"k1": -0.12, "k2": 0.05, "k3": -0.02}),
-    Lens("POLYNOMIAL", {"k1": 0.1, "k2": -0.03}, aspect=1.25),
-    Lens("DIVISION", {"division_k1": 0.15, "division_k2": 0.02}),
-    Lens("DIVISION", {"division_k1": -0.1}, aspect=0.9),
-    Lens("NUKE", {"nuke_k1": 0.08, "nuke_k2": -0.02}),
+    Lens("DIVISION", {"division_k1": 0.15, "division_k2": 0.02}, aspect=0.9),
     Lens("NUKE", {"nuke_k1": -0.1, "nuke_k2": 0.03}, aspect=1.5),
-    Lens(
-        "BROWN",
-        {"brown_k1": -0.1, "brown_k2": 0.04, "brown_k3": 0.01, "brown_p1": 0.01, "brown_p2": -0.006},
-    ),
     Lens("BROWN", {"brown_k1": 0.1, "brown_k4": 0.1, "brown_p1": -0.004, "brown_p2": 0.01}, aspect=1.2),
 ]
 
@@ -270,9 +263,8 @@ def shown(clip: bpy.types.MovieClip, frame: int, folder: Path) -> int:
     return round(float(cv2.imread(scene.render.filepath)[4, 8, 0]) / 10)
 
 
-@pytest.mark.parametrize("offset", [0, 3])
-def test_frames_are_those_that_blender_shows(pictures: Path, tmp_path: Path, offset: int) -> None:
-    shot = solved(pictures)
+def test_frames_are_those_that_blender_shows(pictures: Path, tmp_path: Path) -> None:
+    offset, shot = 3, solved(pictures)
     shot.clip.frame_start, shot.clip.frame_offset = 40, offset
     found = read_movie_clip(shot.clip, shot.footage).reconstruction
     assert found.frames[0] == shown(shot.clip, 40, tmp_path)
@@ -337,7 +329,7 @@ def test_muted_markers_unplaced_tracks_and_objects_are_left_out(pictures: Path) 
     assert 4 in imported.reconstruction.images[3].points
 
 
-@pytest.mark.parametrize(("aspect", "width"), [(1.0, WIDTH // 2), (1.25, WIDTH * 5 // 8), (1.25, WIDTH // 2)])
+@pytest.mark.parametrize(("aspect", "width"), [(1.25, WIDTH * 5 // 8), (1.25, WIDTH // 2)])
 def test_a_clip_of_another_size_is_scaled(pictures: Path, aspect: float, width: int) -> None:
     """Half its size; with the pixels made square, as a video's header asks for, and as they are stored."""
     shot = solved(pictures, Lens("DIVISION", {"division_k1": 0.1}, aspect))

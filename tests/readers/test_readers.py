@@ -13,7 +13,6 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.media.clip import Footage, open_footage
 from addon.core.readers import bundler, nvm, read_reconstruction, voodoo
-from addon.core.readers.building import undistorting
 from addon.core.readers.matching import ONLY_TURNS, Imported, match
 
 from .. import foreign_models as foreign
@@ -117,47 +116,6 @@ def test_voodoo_agrees_with_its_headers_formula(data: Path) -> None:
     print(f"\nvoodoo: {sum(len(i.points) for i in model.images)} places, largest difference {largest:.1e} px")
 
 
-def test_the_three_models_of_sceaux_agree(data: Path) -> None:
-    folder = data / "sceaux"
-    clip = open_footage(folder / "images")
-    names = ("visualsfm.nvm", "colmap_txt", "colmap_bin")
-    nvm_model, text, binary = (read_reconstruction(folder / name, clip).reconstruction for name in names)
-    for one, other in zip(text.images, binary.images, strict=True):
-        assert one.frame == other.frame
-        np.testing.assert_allclose(one.rotation, other.rotation, atol=1e-5)
-        np.testing.assert_allclose(one.centre, other.centre, atol=1e-3)
-    error = np.median(misses(nvm_model))
-    assert error < 0.6
-    assert np.median(nvm_model.points.error) == pytest.approx(np.median(text.points.error), abs=0.05)
-
-    centres = [np.array([image.centre for image in model.images]) for model in (nvm_model, text)]
-    assert nvm_model.frames.tolist() == text.frames.tolist() == list(clip.frames)
-    moved, turn = aligned(*centres)
-    extent = np.linalg.norm(np.ptp(centres[1], axis=0))
-    residual = np.linalg.norm(moved - centres[1], axis=1)
-    turned = [
-        np.degrees(np.arccos(np.clip((np.trace(a.rotation @ turn.T @ b.rotation.T) - 1) / 2, -1, 1)))
-        for a, b in zip(nvm_model.images, text.images, strict=True)
-    ]
-    assert residual.max() < 0.01 * extent
-    assert max(turned) < 0.5
-    print(
-        f"\nsceaux: nvm {error:.3f} px; against COLMAP's text model camera centres differ by at most"
-        f" {residual.max() / extent:.2%} of the path's extent, mean {residual.mean() / extent:.2%};"
-        f" directions by at most {max(turned):.3f} degrees"
-    )
-
-
-def aligned(moving: np.ndarray, fixed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points moved by the best similarity, and its rotation (Umeyama, 1991)."""
-    a, b = moving - moving.mean(axis=0), fixed - fixed.mean(axis=0)
-    left, strength, right = np.linalg.svd(b.T @ a)
-    sign = np.diag([1, 1, np.sign(np.linalg.det(left @ right))])
-    turn = left @ sign @ right
-    scale = (strength * np.diag(sign)).sum() / (a * a).sum()
-    return scale * a @ turn.T + fixed.mean(axis=0), turn
-
-
 # Bundler.
 
 DISTORTED = replace(LENS, k1=-0.05, k2=0.01)
@@ -187,17 +145,6 @@ def test_bundler_is_a_stream_of_words(tmp_path: Path, ends: str) -> None:
     same(bundler.read(wrapped, SIZE).reconstruction, wanted)
 
 
-def test_bundler_keeps_the_index_of_cameras_that_are_not_registered(tmp_path: Path) -> None:
-    wanted = world()
-    path = put(tmp_path, "bundle.out", foreign.bundler(wanted, missing=(1,)))
-    found = bundler.read(path, SIZE)
-    assert [image.frame for image in found.reconstruction.images] == [0, 2, 3]
-    assert len(found.names) == 4
-    imported = match(found, foreign.footage())
-    assert imported.reconstruction.frames.tolist() == [1, 3, 4]
-    assert "1 frame of the clip has no camera: 2" in imported.notes
-
-
 def test_features_of_cameras_without_a_pose_and_repeated_ones_are_left_out(tmp_path: Path) -> None:
     wanted = world()
     lines = foreign.bundler(wanted).split("\n")
@@ -212,7 +159,7 @@ def test_features_of_cameras_without_a_pose_and_repeated_ones_are_left_out(tmp_p
     assert any("11 features belong to cameras that are not registered" in note for note in found.notes)
 
 
-@pytest.mark.parametrize("where", ["list.txt", "bundle.list.txt", "bundle.out.list.txt", "../list.txt"])
+@pytest.mark.parametrize("where", ["list.txt", "bundle.out.list.txt", "../list.txt"])
 def test_bundler_reads_the_list_of_pictures(tmp_path: Path, where: str) -> None:
     wanted = world()
     folder = tmp_path / "bundle"
@@ -272,7 +219,7 @@ def test_nvm_is_read_as_it_was_written(tmp_path: Path, header: str, origin: tupl
     assert any("absolute pixels" in note for note in found.notes) == (origin == (0.0, 0.0))
 
 
-@pytest.mark.parametrize("radial", [0.02, 0.17, -0.15, 0.6])
+@pytest.mark.parametrize("radial", [0.17, -0.15])
 def test_nvms_radial_parameter_undistorts(tmp_path: Path, radial: float) -> None:
     """VisualSFM's features are where x_u = x_d (1 + r x_d^2) says; our lens agrees to 0.01 pixels."""
     camera = Intrinsics(2832, 2128, 2975.0, 2975.0, 1416.0, 1064.0)
@@ -297,21 +244,6 @@ def test_nvms_radial_parameter_is_colmaps_in_absolute_pixels(tmp_path: Path) -> 
     found = nvm.read(put(tmp_path, "a.nvm", foreign.nvm(wanted, radial=0.2)), SIZE)
     same(found.reconstruction, wanted)
     assert found.reconstruction.cameras[0].k1 == -0.2
-
-
-def test_the_way_back_of_an_undistortion_is_exact() -> None:
-    camera = Intrinsics(2832, 2128, 2975.0, 2975.0, 1416.0, 1064.0)
-    for a1, a2 in ((0.01, 0.0), (0.173, 0.0), (-0.3, 0.05), (0.5, 0.5)):
-        made = undistorting(camera, a1, a2)
-        assert made is not None
-        places = np.stack(np.meshgrid(np.linspace(0, 2832, 31), np.linspace(0, 2128, 31)), axis=-1)
-        seen = (places - camera.principal_point) / camera.focal
-        square = (seen * seen).sum(axis=-1, keepdims=True)
-        true = seen * (1 + a1 * square + a2 * square**2)
-        error = np.abs(made[0].distort(true) - seen).max() * 2975
-        assert error < 0.01
-        assert made[1] == pytest.approx(error, abs=0.005)
-    assert undistorting(camera, -1.5, 0.0) is None
 
 
 def test_nvm_with_a_fixed_calibration(tmp_path: Path) -> None:
@@ -345,12 +277,6 @@ def test_nvm_of_several_models_gives_the_largest(tmp_path: Path) -> None:
     same(found.reconstruction, world())
     assert found.names == NAMES
     assert any("has 3 models" in note and "4 cameras" in note for note in found.notes)
-
-
-def test_nvm_without_points_says_so(tmp_path: Path) -> None:
-    text = foreign.nvm(world()).split("\n\n12\n")[0]
-    with pytest.raises(UserError, match="has no points"):
-        nvm.read(put(tmp_path, "a.nvm", text + "\n"), SIZE)
 
 
 def test_nvm_that_does_not_reproject_is_of_other_footage(tmp_path: Path) -> None:
@@ -455,7 +381,6 @@ def order(imported: Imported) -> list[tuple[int, int]]:
     [
         ("shot_0004.png", "shot_0002.png", "shot_0001.png"),
         ("C:\\Users\\me\\Shot_0004.PNG", "C:\\Users\\me\\Shot_0002.PNG", "D:\\x\\SHOT_0001.png"),
-        ("/other/place/shot_0004.png", "../shot_0002.png", "./shot_0001.png"),
         ("shot_0004.jpg", "shot_0002.JPG", "undistorted/shot_0001.tif"),
         ("frame_000004.png", "frame_000002.png", "frame_1.png"),
         ("take 7/4.jpg", "take 7/0002.jpg", "take 7/image.0001"),
@@ -604,59 +529,39 @@ def in_voodoo(line: int, words: str, expected: str, word: int | None = None) -> 
 DAMAGE = {
     "version": in_bundle(1, "# Bundle file v0.7", r"line 1: expected '# Bundle file v0\.3'"),
     "counts": in_bundle(2, "4", "line 2: expected two numbers"),
-    "negative count": in_bundle(2, "-4 12", "line 2: expected the number of cameras, not '-4'"),
-    "hostile cameras": in_bundle(2, "9999999999 12", "line 2: expected the number of cameras; 9999"),
     "hostile points": in_bundle(2, "4 4294967296", "line 2: expected the number of points; 4294"),
-    "million digits": in_bundle(2, "1" * 1_000_000 + " 3", "line 2: expected the number of cameras"),
     "long word": in_bundle(4, "1" * 1_000_000, "line 4: expected a number of at most", 0),
     "nan": in_bundle(5, "nan", "line 5: expected a number of at most 1e\\+15, not 'nan'", 1),
-    "infinite": in_bundle(23, "-inf", "line 23: expected a number .* not '-inf'", 0),
     "comma": in_bundle(23, "1,25", r"line 23: .*with a point, not a comma\), not '1,25'", 2),
-    "word": in_bundle(24, "red", "line 24: expected a number .* not 'red'", 0),
-    "underscore": in_bundle(24, "1_0", "line 24: expected a number .* not '1_0'", 0),
     "focal length": in_bundle(3, "-80", "line 3: expected the focal length of camera 0", 0),
     "rotation": in_bundle(10, "7", "line 9: expected .* a rotation of camera 1", 2),
-    "zero rotation": in_bundle(4, "0 0 0", "line 4: expected .* a rotation of camera 0"),
     "camera index": in_bundle(25, "-1103756645", "line 25: expected a camera from 0 to 3, not -1", 1),
-    "camera too large": in_bundle(25, "4", "line 25: expected a camera from 0 to 3, not 4", 1),
-    "half a camera": in_bundle(25, "0.5", "line 25: expected a camera from 0 to 3, not 0.5", 1),
-    "views": in_bundle(25, "-3", "line 25: expected the number of views of point 0, not -3", 0),
     "huge views": in_bundle(25, "1e12", "ends at line 58: expected 1e\\+12 views of point 0", 0),
     "truncated": ("out", "\n".join(BUNDLE.split("\n")[:40]), "ends at line 40: expected 6 more points of 12"),
-    "too much": ("out", BUNDLE + "1 2 3\n", "line 59: expected nothing after 12 points"),
-    "empty": ("out", " \n\n", "is empty"),
     "binary": ("out", BUNDLE[:100] + "\0" + BUNDLE[100:], "byte 100: expected text"),
     "all gone": ("out", foreign.bundler(world(), missing=(0, 1, 2, 3)), "no registered camera"),
     "nvm version": in_nvm(1, "NVM_V2", "line 1: expected NVM_V3, not 'NVM_V2'"),
     "nvm FixedK": in_nvm(1, "NVM_V3 FixedK 80 48", "line 1: expected nothing after the version"),
-    "nvm count": in_nvm(3, "four", "line 3: expected the number of cameras, not 'four'"),
     "nvm cameras": in_nvm(3, "40000", "line 3: expected the number of cameras; 40000 do not fit"),
     "nvm camera": in_nvm(5, "a.png 80 1 0 0 0", "line 5: expected a file name and 10 numbers"),
     "nvm quaternion": in_nvm(5, "a.png 80 0 0 0 0 1 2 3 0 0", "line 5: expected a quaternion"),
-    "nvm nan": in_nvm(6, "nan", "line 6: expected a number of at most .* not 'nan'", 7),
-    "nvm focal": in_nvm(6, "-1", "line 6: expected a focal length greater than zero", 1),
     "nvm radial": (
         "nvm",
         changed(foreign.nvm(world(), origin=(48.0, 32.0)), 6, "-1e9", 9),
         "line 6: expected the radial distortion of a lens, under which",
     ),
     "nvm points": in_nvm(9, "13", "line 22: expected X Y Z R G B, a count and features"),
-    "nvm hostile": in_nvm(9, "999999999", "line 9: expected the number of points; 999999999"),
     "nvm views": in_nvm(12, "9", "line 12: expected 9 features of 4 numbers each, not 12", 6),
-    "nvm index": in_nvm(12, "4", "line 12: expected a camera from 0 to 3, not 4", 7),
     "nvm truncated": (
         "nvm",
         "\n".join(MATCHES.split("\n")[:15]),
         "ends at line 15: expected 6 more lines of 12",
     ),
     "voodoo header": in_voodoo(2, "# Text", "not a model in a known format"),
-    "voodoo numbers": in_voodoo(6, "1 2 3 4", "line 6: expected the 28 numbers of a camera, not 4"),
     "voodoo axes": in_voodoo(8, "3", "line 8: expected A, H and V", 3),
-    "voodoo zero": in_voodoo(8, " ".join("0" * 28), "line 8: expected .* picture"),
     "voodoo size": in_voodoo(10, "96.5", "line 10: expected a picture of 1 to 1000000 pixels", 16),
     "voodoo K3": in_voodoo(10, "-1e6", "line 10: expected K3 and K5 of a lens", 12),
     "voodoo point": in_voodoo(17, "1 2", "line 17: expected X Y Z of a point, not 2 numbers"),
-    "voodoo nan": in_voodoo(18, "1 2 NaN", "line 18: expected a number .* not 'NaN'"),
     "voodoo truncated": ("txt", "\n".join(EXPORT.split("\n")[:6]), "ends at line 6: expected 3D points"),
 }
 
@@ -670,14 +575,6 @@ def test_damage_is_told_with_its_place(tmp_path: Path, case: str) -> None:
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
     assert len(str(caught.value)) < 600
-
-
-def test_a_binary_file_is_no_text(tmp_path: Path) -> None:
-    for content in (bytes(range(256)) * 20, foreign.bundler(world()).encode("utf-16")):
-        path = tmp_path / "bundle.out"
-        path.write_bytes(b"12 13 " + content)
-        with pytest.raises(UserError, match="expected"):
-            bundler.read(path, SIZE)
 
 
 def test_a_clip_is_no_model(tmp_path: Path) -> None:

@@ -207,49 +207,6 @@ def test_discs_of_lamps_are_as_traced_rays(name: str) -> None:
     assert error(mean, true) > 40
 
 
-def test_a_disc_has_the_mean_square_of_its_rays() -> None:
-    bends, reach, h = Aberrations(0.4, 0.2, 0.3), 20.0, np.array([0.6, -0.3])
-    p, step = vogel_disc(20_000), 1e-5
-    for displacement in (-15.0, 0.0, 9.0):
-        moved = [
-            (reach * (bends.shift(p + side, h) - bends.shift(p - side, h)) / (2 * step))
-            - displacement * side / step
-            for side in step * np.eye(2)
-        ]
-        mean = sum(np.sum(each**2, axis=1) for each in moved).mean() / 2
-        found = bends.radius(np.full((1, 1), displacement, np.float32), h[None, None], reach)
-        assert abs(found[0, 0]) == pytest.approx(np.sqrt(mean), rel=1e-3)
-
-
-@needs_gpu
-def test_a_matte_box_keeps_what_is_in_focus_and_few_views_draw_lamps_as_many() -> None:
-    shape = Aperture(matte_box_sides=0.7, matte_box_top=0.4)
-    sharp = draw_mean(meshed(shape, NEAR, NEAR, BY_VIEWS, 0.0).through(24))
-    np.testing.assert_allclose(sharp[..., :3], source(0.0)[..., :3], atol=4e-3)
-    many = draw_mean(meshed(shape, FAR, NEAR, BY_VIEWS, 60.0).through(512))
-    assert error(draw_mean(meshed(shape, FAR, NEAR, RESTORED, 60.0).through(24)), many) > 45
-
-
-@needs_gpu
-def test_red_is_larger_and_blue_smaller_by_lateral_color() -> None:
-    amount = 0.02
-    clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Plane(NEAR))
-    lens = FrameOptions(Focus(distance=NEAR), 0.1, borrow=False, grain=0.0, highlights=BY_VIEWS)
-    plain, shifted = (
-        render_frame(clip, 2, replace(lens, aperture=each), SIZE, lambda note: None)
-        for each in (Aperture(), Aperture(lateral_colour=amount))
-    )
-    np.testing.assert_array_equal(shifted[..., [1, 3]], plain[..., [1, 3]])
-    x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5 - LENS.cx, np.arange(SIZE[1]) + 0.5 - LENS.cy)
-    for channel, size in ((0, 1 + amount), (2, 1 - amount)):
-        at = [
-            (each / size + centre - 0.5).astype(np.float32) for each, centre in ((x, LENS.cx), (y, LENS.cy))
-        ]
-        true = cv2.remap(plain[..., channel], *at, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE)
-        inner = np.s_[12:-12, 12:-12]
-        assert psnr(encode_srgb(shifted[..., channel][inner]), encode_srgb(np.maximum(true, 0)[inner])) > 45
-
-
 def test_a_thin_lens_sees_less_as_it_focuses_nearer() -> None:
     # A lens of 50 mm half a metre away: the image distance is f Z / (Z - f), 55.6 mm.
     assert enlargement(1.0, 0.05, 2.0, 0.0) == pytest.approx(0.5 / 0.45)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import re
 import signal
@@ -28,8 +27,7 @@ from benchmarks.torture import clip
 from benchmarks.torture.bench import contents
 
 from ..command_line import HEADLESS, done
-from ..farm_jobs import tasks, words_of
-from ..lamps import place_lamp
+from ..in_blender import place_lamp
 from ..movies import assert_same
 from ..waiting import PATIENCE, until
 
@@ -134,22 +132,6 @@ def pixels(folder: Path) -> dict[int, np.ndarray]:
     return {int(path.stem): np.asarray(cv2.imread(str(path))) for path in folder.iterdir()}
 
 
-@pytest.mark.long
-def test_by_a_farm_whose_scene_was_given_it(blend: Path, tmp_path: Path) -> None:
-    lens = "--focus-distance", "7", "--blur", "0.02", "--method", "features", "--views", "4"
-    done("farm", blend.parent / "work", *lens, "--chunk", 5, "--out", tmp_path / "job")
-    add_lamp(tmp_path / "job" / "input" / "scene.blend")
-    bundle = (tmp_path / "job").rename(tmp_path / "elsewhere")
-    steps = tasks(json.loads((bundle / "template.json").read_text()), bundle)
-    for task in [*steps["Render"], *steps["Join"]]:
-        done(*words_of(task))
-    found, one = pixels(bundle / "output" / "frames"), pixels(blend.parent / "one")
-    assert len(found) == COUNT
-    for frame, picture in found.items():
-        assert np.array_equal(picture, one[frame]), frame
-    assert (bundle / "output" / "movie.mp4").stat().st_size
-
-
 def test_by_render_clip(blend: Path, tmp_path: Path) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     scene = bpy.context.scene
@@ -179,28 +161,6 @@ def test_no_process_stays_behind(blend: Path, tmp_path: Path, ended: str) -> Non
     if ended == "SIGTERM":
         assert process.returncode == 143
         assert not list(temporary.glob("virtual-aperture-*"))
-
-
-@pytest.mark.long
-@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="processes are found in /proc")
-def test_a_process_that_must_be_killed_leaves_no_files(blend: Path, tmp_path: Path) -> None:
-    """It does not hear that it is to end, as on a machine that is too busy."""
-    temporary = tmp_path / "tmp"
-    process = rendering(blend, temporary, tmp_path / "o", jobs=2)
-
-    def others() -> set[int]:
-        """Processes, other than the command's, with a folder of their own: the one that shares frames."""
-        folders = temporary.glob("virtual-aperture-*[0-9a-f]")
-        return {int(path.name.split("-")[3]) for path in folders if path.is_dir()} - {process.pid}
-
-    until(others)
-    for each in others():
-        os.kill(each, signal.SIGSTOP)
-    process.terminate()
-    process.communicate()
-    until(lambda: not running(temporary))
-    assert process.returncode == 143
-    assert not list(temporary.glob("virtual-aperture-*"))
 
 
 @pytest.mark.parametrize("ended", ["SIGTERM", "alone"])

@@ -10,7 +10,6 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.base.progress import Cancelled, reporting
 from addon.core.base.worker import Worker
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
@@ -20,9 +19,8 @@ from addon.scene.base.exr import read
 from addon.scene.build import build
 from addon.scene.sources.shot import shot_of
 
-from ..lamps import LIGHT, place_lamp
+from ..in_blender import LIGHT, place_lamp
 from ..scenes import slanted_shot
-from ..waiting import PATIENCE
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 DISTANCE = 8.0
@@ -142,46 +140,6 @@ def rendered(scene: bpy.types.Scene, file: Path) -> np.ndarray:
     scene.render.filepath = str(file)
     bpy.ops.render.render(write_still=True, scene=scene.name)
     return read(file)
-
-
-def test_the_process_ends_with_the_one_that_started_it(solved: bpy.types.Scene, tmp_path: Path) -> None:
-    place_lamp(solved, 4.0, 20)
-    with cg_process.kept():
-        rendered(solved, tmp_path / "drawn.exr")
-        worker = cg_process._process.worker
-        assert worker is not None and worker.process is not None and worker.process.poll() is None
-        child = worker.process
-        assert child.stdin is not None
-        # As when the parent was killed.
-        child.stdin.close()
-        assert child.wait(20) != 0
-
-
-@pytest.mark.long
-def test_it_ends_in_the_midst_of_a_picture_too(solved: bpy.types.Scene) -> None:
-    """Cycles hears no signal while it renders, which may take minutes."""
-    place_lamp(solved, 4.0, 80)
-    solved.cycles.samples, solved.cycles.use_adaptive_sampling = 100_000_000, False
-    process = cg_process.CGProcess()
-    looks = 0
-
-    def look(_stage: str, _share: float) -> None:
-        nonlocal looks
-        looks += 1
-        if looks > 200:
-            raise Cancelled
-
-    try:
-        with pytest.raises(Cancelled), reporting(look):
-            process.draw(solved.name, (solved.view_layers[0].name, 2), LENS, None)
-        assert process.worker is not None and process.worker.process is not None
-        child = process.worker.process
-        assert child.stdin is not None
-        child.stdin.close()
-        assert child.wait(PATIENCE) != 0
-    finally:
-        if (leaving := process.end()) is not None:
-            leaving.join()
 
 
 def test_what_moves_is_blurred_by_the_shutter_at_its_own_depth(

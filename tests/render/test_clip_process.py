@@ -10,14 +10,12 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.base.parcel import pack, unpack
 from addon.core.base.progress import Cancelled
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.frame.plan import FrameOptions
-from addon.core.subjects.strokes import MarkedSubject, Stroke
 from addon.render.processes import clip_process
-from addon.render.processes.clip_process import ClipProcess, ReceivedShots, SentShots
+from addon.render.processes.clip_process import ClipProcess
 from addon.render.viewport.pictures import FINE, Wanted, make_picture
 from addon.render.viewport.preview import Preview
 from addon.scene.build import build
@@ -82,28 +80,3 @@ def test_it_ends_once_it_is_idle(shot: Shot, monkeypatch: pytest.MonkeyPatch) ->
     assert process.worker is None and worker is not None
     with pytest.raises(Cancelled):
         call.result()
-
-
-def received(shots: ReceivedShots, sent: SentShots, shot: Shot) -> Shot:
-    found = unpack(pack(shot, sent), shots)
-    assert isinstance(found, Shot)
-    return found
-
-
-def test_strokes_leave_what_is_known_of_the_clip(shot: Shot, tmp_path: Path) -> None:
-    tmp_path = tmp_path / "sent"
-    tmp_path.mkdir()
-    sent, shots = SentShots(tmp_path), ReceivedShots(tmp_path)
-    first = received(shots, sent, shot)
-    assert received(shots, sent, shot) is first and first is not shot
-    assert first.footage == shot.footage and first.work == shot.work
-    assert np.array_equal(first.reconstruction.points.xyz, shot.reconstruction.points.xyz)
-    marked = shot.with_subjects((MarkedSubject("cat", (Stroke(2, ((0.5, 0.5),)),)),))
-    second = received(shots, sent, marked)
-    assert second.subjects == marked.subjects and second.clip is first.clip
-    assert second.context._subjects is first.context._subjects
-    other = received(shots, sent, replace(shot, filmed=None))
-    assert other.clip is not first.clip
-    # The first is not remembered any longer, and is read again.
-    again = received(shots, sent, shot)
-    assert again is not first and again.footage == first.footage

@@ -11,12 +11,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import bpy
 import pytest
 from jsonschema import Draft202012Validator
 
 from addon.cli.farm_formats import FORMATS
-from addon.scene.lens.repairs import repairs_of
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents
 
@@ -179,26 +177,3 @@ def test_braces_in_names_are_no_variables(work: Path, tmp_path: Path, name: str)
         last = job["steps"][-1]["script"]["actions"]["onRun"]["args"][-1]
         last = re.sub(r"\{\{Param\.(\w+)\}\}", lambda found: values[found[1]], last)
     assert last.endswith(f"output/{movie}")
-
-
-def test_a_job_that_solves_first_has_the_repairs(work: Path, tmp_path: Path) -> None:
-    repair = tmp_path / "mended.json"
-    stroke = {"kind": "sharp", "frame": 2, "places": [[0.3, 0.5], [0.4, 0.5]], "radius": 0.05}
-    repair.write_text(json.dumps([stroke]))
-    source = work.parent / "clip" / "clip.mp4"
-    done("farm", source, *LENS, "--repair", repair, "--out", tmp_path / "job")
-    told = tmp_path / "job" / "input" / "lens.json"
-    assert json.loads(told.read_text())["repair"] == "repair.json"
-    repair.unlink()
-    blend = tmp_path / "later.blend"
-    done("save", work, "--lens", told, "--no-copy", "--blend", blend)
-    bpy.ops.wm.open_mainfile(filepath=str(blend))
-    (kept,) = repairs_of(bpy.context.scene.virtual_aperture)
-    assert (kept.kind, kept.frame) == ("sharp", 2)
-
-
-def test_a_word_of_a_template_that_has_no_value_is_not_passed_over() -> None:
-    step = {"name": "Join", "script": {"actions": {"onRun": {"args": ["{{Param.None}}"]}}}}
-    job = {"name": "a", "parameterDefinitions": [], "steps": [step]}
-    with pytest.raises(KeyError):
-        FORMATS["deadline"](job, Path("/a"))

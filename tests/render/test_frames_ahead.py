@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import bpy
 import pytest
 
 from addon.core.base import calls, limits
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.base.worker import Worker
-from addon.render.processes import frames_ahead
 from addon.render.processes.frames_ahead import DrawnFrame, FramesAhead
-from addon.scene.passes import DEPTH
 
-from ..command_line import done
 from ..waiting import until
 
 DRAW = """
@@ -104,40 +99,3 @@ def test_one_draws_here_what_nobody_is_at_and_waits_for_what_somebody_is(
     process.kill()
     process.wait()
     assert ahead.frame(6) is None and ahead._calls == {}
-
-
-@pytest.mark.long
-def test_an_animation_is_the_same_with_any_number_of_processes(
-    scene: bpy.types.Scene, desk_work: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    work = shutil.copytree(desk_work, tmp_path / "work")
-    blend = tmp_path / "desk.blend"
-    lens = ("--focus-at", "0.5,0.5@2", "--focus-at", "0.2,0.3@12", "--blur", 0.03, "--views", 8)
-    done("save", work, *lens, "--no-copy", "--blend", blend)
-    taken = list[int]()
-    take = FramesAhead.frame
-
-    def counted(ahead: FramesAhead, frame: int) -> DrawnFrame | None:
-        drawn = take(ahead, frame)
-        taken.extend([frame] * (drawn is not None))
-        return drawn
-
-    monkeypatch.setattr(FramesAhead, "frame", counted)
-    pictures = {}
-    for threads in (1, 2):
-        bpy.ops.wm.open_mainfile(filepath=str(blend))
-        render = bpy.context.scene.render
-        bpy.context.view_layer.use_pass_z = True
-        render.engine, render.filepath = "VIRTUAL_APERTURE", f"{tmp_path}/{threads}/"
-        render.image_settings.media_type = "MULTI_LAYER_IMAGE"
-        bpy.context.scene.frame_start, bpy.context.scene.frame_end = 2, 13
-        limits.limit_threads(threads)
-        bpy.ops.render.render(animation=True)
-        assert not any(frames_ahead._prepared) and limits.chosen_threads() == threads
-        pictures[threads] = {path.name: path.read_bytes() for path in (tmp_path / str(threads)).iterdir()}
-        assert bool(taken) == (threads > 1)
-    assert len(pictures[1]) == 12
-    for name, one in pictures[1].items():
-        assert DEPTH.encode() in one and len(one) == len(pictures[2][name])
-    assert [name for name in pictures[1] if pictures[1][name] != pictures[2][name]] == []
-    assert len(set(taken)) == len(taken) and min(taken) > 2

@@ -14,9 +14,7 @@ from addon.render.views import frame_notes
 from addon.scene.build import build
 from addon.scene.cg_objects import cg_objects
 from addon.scene.ignored import ignored
-from addon.ui.panels import notices
 
-from ..recorder import draw
 from ..scenes import slanted_plane, slanted_shot, write_frames
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
@@ -39,11 +37,6 @@ def add(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
     scene.collection.objects.link(thing)
     bpy.context.view_layer.update()
     return thing
-
-
-def test_nothing_is_said_before_a_solve(scene: bpy.types.Scene) -> None:
-    add(scene, "Cube")
-    assert ignored(scene) == ()
 
 
 def test_objects_are_drawn_but_those_that_cycles_would_not(solved: bpy.types.Scene) -> None:
@@ -100,23 +93,15 @@ def test_a_render_warns_once(
     assert LINE in said.out + said.err
 
 
-def test_the_panel_tells_it(solved: bpy.types.Scene) -> None:
-    solved.view_layers[0].use_pass_mist = True
-    assert LINE in " ".join(draw(notices.VIRTUAL_APERTURE_PT_details).texts)
-
-
 @pytest.mark.parametrize(
     ("frame", "subframe", "said"),
     [
-        (1, 0.0, "Frame 1 comes before the clip, which has frames 5 to 11"),
         (4, 0.9, "Frame 4 comes before the clip, which has frames 5 to 11"),
         (12, 0.0, "Frame 12 comes after the clip, which has frames 5 to 11"),
-        (250, 0.0, "Frame 250 comes after the clip"),
         (8, 0.0, "Frame 8 is missing in the clip, and repeats its frame 7"),
         (9, 0.0, "Frame 9 was not solved"),
         (6, 0.5, "Frame 6 is asked for at 6.50; there are no pictures between frames"),
         (5, 0.0, ""),
-        (11, 0.0, ""),
     ],
 )
 def test_a_frame_that_the_clip_has_not_is_named(

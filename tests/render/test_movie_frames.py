@@ -14,7 +14,6 @@ import pytest
 
 from addon.core.base.errors import Remedy, UserError
 from addon.core.media.clip import open_footage
-from addon.core.media.constant_rate import beginnings, fitting_rate, held_frames, largest_shift
 from addon.render.output import frame_files, movie_file
 from addon.scene.build import blender_rate, build
 from benchmarks.odd_clips import SIZE
@@ -122,7 +121,7 @@ def varying(seed: int) -> list[Fraction]:
     return [TICK * round(time / float(TICK)) for time in times]
 
 
-@pytest.mark.parametrize("seed", variants(range(16), 2))
+@pytest.mark.parametrize("seed", variants(range(16), 1))
 def test_every_frame_of_a_varying_clip_is_shown_near_its_time(
     scene: bpy.types.Scene, tmp_path: Path, seed: int
 ) -> None:
@@ -137,25 +136,6 @@ def test_every_frame_of_a_varying_clip_is_shown_near_its_time(
         assert off.max() <= 1.5 * apart  # the first may begin half a frame off
     elif note:
         assert off.max() <= 2 * float(note.split("time to ")[1].split()[0])
-
-
-def test_no_frame_is_lost_and_none_is_far_from_its_time() -> None:
-    for seed in range(300):
-        seconds = np.array(varying(seed), float)
-        seconds -= seconds[0]
-        rate = fitting_rate(seconds)
-        for sound in (0.0, 0.3217, -1.5):
-            begins = beginnings(seconds, rate, sound)
-            assert np.all(np.diff(begins) >= 1)
-            off = np.abs(begins - (seconds - sound) * rate)
-            assert off.max() <= largest_shift(seconds, rate) * rate + 1e-9
-            assert np.array_equal(
-                np.unique(held_frames(seconds, seconds[-1], rate, sound)), np.arange(len(seconds))
-            )
-            # Those that have a frame of the movie to themselves are at the nearest one.
-            free = np.diff(seconds, prepend=-9) * rate >= 1
-            if np.all(free):
-                assert off.max() <= 0.5 + 1e-9
 
 
 def test_too_many_frames_for_blender_are_named_before(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -69,12 +69,6 @@ def test_values_of_a_plane(solved: bpy.types.Scene, tmp_path: Path) -> None:
     assert (matte[np.abs(disc) < 0.1] == 1).all() and (matte[np.abs(disc) > 0.3] == 0).all()
 
 
-def test_only_what_is_asked_for(solved: bpy.types.Scene, tmp_path: Path) -> None:
-    assert rendered(solved, tmp_path / "none.exr") == {}
-    solved.view_layers[0].virtual_aperture_passes.use_in_focus = True
-    assert set(rendered(solved, tmp_path / "one.exr")) == {passes.IN_FOCUS}
-
-
 def test_discs_are_in_pixels_of_what_is_rendered(solved: bpy.types.Scene, tmp_path: Path) -> None:
     solved.view_layers[0].virtual_aperture_passes.use_circle_of_confusion = True
     whole = rendered(solved, tmp_path / "whole.exr")[passes.CIRCLE_OF_CONFUSION]

@@ -15,13 +15,11 @@ from addon.core.base import calls
 from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, checkpoint, reporting
 from addon.core.base.worker import Call
-from addon.core.camera.reconstruction import Intrinsics, Reconstruction
+from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
-from addon.core.frame.inspection import NAMES
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.quality import DRAFT, FINAL, NORMAL
+from addon.core.frame.quality import DRAFT, FINAL
 from addon.core.frame.repairs import Repair
-from addon.core.subjects.clip_subjects import ClipSubjects
 from addon.core.subjects.strokes import MarkedSubject
 from addon.render.processes.clip_process import ClipProcess
 from addon.render.viewport import pictures, preview, viewport
@@ -179,16 +177,6 @@ def test_the_feature_points_are_enough_to_begin_with(previews: Previews, wanted:
     )
 
 
-def test_a_first_look_before_a_camera_that_stays_does_not_wait_for_subjects(
-    wanted: Wanted, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(Reconstruction, "stays", property(lambda _: True))
-    monkeypatch.setattr(ClipSubjects, "people", property(lambda _: pytest.fail("people are looked for")))
-    layers = replace(wanted, options=replace(wanted.options, method="layers"))
-    rough, shot = make_picture(layers, ROUGH), make_picture(layers, CLIP)
-    np.testing.assert_array_equal(rough.linear, shot.linear)
-
-
 def test_the_last_wish_counts(previews: Previews, wanted: Wanted) -> None:
     maker = Maker()
     shown = previews(maker)
@@ -224,24 +212,6 @@ def test_a_quick_draft_is_seen_although_another_frame_is_wanted(previews: Previe
     best = shown.latest(last)
     assert best is not None and (best.wanted.frame, best.level) == (3, FINE)
     assert shown.latest(replace(last, shows="depth")) is None, "a picture of something else"
-
-
-def test_a_better_size_is_made_anew(previews: Previews, wanted: Wanted) -> None:
-    maker = Maker()
-    shown = previews(
-        lambda w, level: replace(maker(w, level), linear=np.zeros((*w.size[::-1], 4), np.float16))
-    )
-    small = replace(wanted, size=(80, 45))
-    shown.want(small)
-    eventually(shown, lambda: not shown.is_busy())
-    shown.want(wanted)
-    eventually(shown, lambda: not shown.is_busy())
-    best = shown.best(wanted)
-    assert best is not None and best.linear.shape[:2] == (90, 160)
-    count = len(maker.made)
-    shown.want(small)
-    eventually(shown, lambda: not shown.is_busy())
-    assert len(maker.made) == count
 
 
 def test_pausing_ends_what_is_under_way(previews: Previews, wanted: Wanted) -> None:
@@ -299,14 +269,6 @@ def test_the_best_picture_is_what_is_rendered(wanted: Wanted) -> None:
     assert replace(wanted, options=replace(wanted.options, quality=DRAFT)).best == FAIR
 
 
-def test_coarse_pictures_are_like_the_best_one(wanted: Wanted) -> None:
-    large = replace(wanted, size=(640, 360), options=replace(wanted.options, quality=NORMAL))
-    fine, coarse = make_picture(large, FINE), make_picture(large, COARSE)
-    assert max(coarse.linear.shape) <= pictures.COARSE_SIDE
-    means = [picture.linear.astype(float).mean(axis=(0, 1)) for picture in (fine, coarse)]
-    assert np.allclose(*means, atol=0.01)
-
-
 def test_the_clip_is_added_to_a_picture_that_is_there(previews: Previews, wanted: Wanted) -> None:
     maker, as_shot = Maker(), np.full((90, 160, 4), 7, np.float16)
     shown = previews(lambda w, level: replace(maker(w, level), clip=as_shot if w.with_clip else None))
@@ -324,24 +286,6 @@ def test_the_clip_is_added_to_a_picture_that_is_there(previews: Previews, wanted
     assert best.clip is as_shot and best.linear is plain.linear
     shown.want(wanted)
     assert not shown.is_busy(), "it is there, too, when it is looked at without the clip"
-
-
-def test_the_clip_lies_beside(wanted: Wanted) -> None:
-    assert make_picture(wanted, FAIR).clip is None
-    both = make_picture(replace(wanted, with_clip=True), FAIR)
-    assert both.clip is not None and both.clip.shape == both.linear.shape
-    assert np.array_equal(both.clip, make_picture(both.wanted, CLIP).clip)
-    # What is out of focus differs.
-    assert np.abs(both.clip.astype(float) - both.linear).max() > 0.05
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_what_a_frame_is_drawn_from(wanted: Wanted, name: str) -> None:
-    shown = make_picture(replace(wanted, shows=name), FAIR)
-    lens = make_picture(wanted, FAIR)
-    assert shown.linear.shape[2] == 4 and np.isfinite(shown.linear).all()
-    assert not np.array_equal(shown.linear, lens.linear)
-    assert replace(wanted, shows=name).best == FAIR
 
 
 def test_a_clip_without_a_focus_is_shown_as_it_was_shot(wanted: Wanted) -> None:

@@ -125,20 +125,6 @@ def rendered(scene: bpy.types.Scene, file: Path) -> dict[str, np.ndarray]:
 
 
 @needs_gpu
-def test_the_pass_leaves_the_picture_as_it_is(solved: bpy.types.Scene, tmp_path: Path) -> None:
-    ours = solved.view_layers[0].virtual_aperture_passes
-    without = rendered(solved, tmp_path / "without.exr")
-    ours.use_range_matte, ours.range_far, ours.range_softness = True, 8.0, 0.0
-    solved.view_layers[0].use_pass_z = True
-    found = rendered(solved, tmp_path / "with.exr")
-    assert all(np.array_equal(found[name], without[name]) for name in without)
-    assert set(found) - set(without) == {passes.DEPTH, passes.RANGE_MATTE}
-    # The plane recedes to the right.
-    matte, away = found[passes.RANGE_MATTE], found[passes.DEPTH]
-    assert (matte[away < 7.5] > 0.99).all() and (matte[away > 8.5] < 0.01).all()
-
-
-@needs_gpu
 def test_nodes_grade_the_range_alone(solved: bpy.types.Scene, tmp_path: Path) -> None:
     found = rendered(solved, tmp_path / "plain.exr")
     plain = np.stack([found[f"Combined.{each}"] for each in "RGB"], axis=2)
@@ -176,11 +162,6 @@ def test_nodes_of_the_user_stay(solved: bpy.types.Scene) -> None:
     assert sum(group.name.startswith(NAME) for group in bpy.data.node_groups) == 1
 
 
-def test_nodes_take_a_solve(scene: bpy.types.Scene) -> None:
-    with pytest.raises(RuntimeError, match="Solve the clip first"):
-        bpy.ops.virtual_aperture.add_grade_nodes()
-
-
 ANIMATION = (
     "import sys; sys.path.insert(0, sys.argv[1]); import bpy, addon; addon.register();"
     "bpy.ops.wm.open_mainfile(filepath=sys.argv[2]); bpy.context.scene.render.filepath = sys.argv[3];"
@@ -212,3 +193,8 @@ def test_a_farms_machine_gives_the_matte_of_f12(tmp_path: Path) -> None:
     for name, pixels in there.items():
         own = name.split(".", 1)[1].removesuffix(".X").removesuffix(".Z")
         assert np.array_equal(pixels, here[own]), name
+
+
+def test_nodes_take_a_solve(scene: bpy.types.Scene) -> None:
+    with pytest.raises(RuntimeError, match="Solve the clip first"):
+        bpy.ops.virtual_aperture.add_grade_nodes()

@@ -179,17 +179,6 @@ def test_a_tiny_aperture_gives_the_source_and_the_border_is_covered(scene: bpy.t
             assert np.abs(mean - picture).max() < limit
 
 
-@needs_gpu
-def test_many_views_are_summed_not_overwritten(scene: bpy.types.Scene) -> None:
-    """A ramp of one view alone would be shifted; the mean of a centred set is not."""
-    rec = slanted_plane(LENS, near=8.0, far=8.001)
-    plan = planned(rec, 1, FrameOptions(Focus(distance=4.0), 0.3, 64), (160, 90))
-    ramp = np.ones((90, 160, 4), np.float32)
-    ramp[..., :3] = np.linspace(0, 1, 160, dtype=np.float32)[None, :, None]
-    mean = gpu_views.mean_of_views(*painted(plan, ramp))
-    assert np.abs(mean - ramp)[20:-20, 20:-20].max() < 1e-3
-
-
 def rendered(scene: bpy.types.Scene, path: Path) -> np.ndarray:
     settings = scene.render.image_settings
     settings.media_type = "IMAGE"
@@ -297,13 +286,6 @@ def test_a_blank_drawing_is_an_error(scene: bpy.types.Scene, monkeypatch: pytest
         monkeypatch.setattr(gpu_views, "draw", lambda steps, total, broken=broken: broken)
         with pytest.raises(UserError, match="empty or broken picture"):
             gpu_views.mean_of_views(*painted(plan, picture))
-
-
-def test_a_render_says_which_frame_it_is_at(scene: bpy.types.Scene) -> None:
-    scene.frame_start, scene.frame_end, scene.frame_step = 11, 20, 3
-    scene.frame_set(17)
-    assert engine.frame_title(scene, True) == "Frame 3 of 4"
-    assert engine.frame_title(scene, False) == "Frame 17"
 
 
 def test_distorted_lens_keeps_the_geometry_of_the_source(scene: bpy.types.Scene, tmp_path: Path) -> None:

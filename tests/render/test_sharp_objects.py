@@ -26,7 +26,7 @@ from addon.render.views.gpu_views import gpu_problem
 from addon.scene.build import build
 from addon.scene.cg_objects import STAYS_SHARP
 
-from ..lamps import LIGHT, place_lamp
+from ..in_blender import LIGHT, place_lamp
 from ..scenes import psnr, slanted_plane, slanted_shot
 
 needs_gpu = pytest.mark.skipif(bool(gpu_problem()), reason="only CI is sure to have a GPU driver")

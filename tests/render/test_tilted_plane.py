@@ -19,14 +19,12 @@ from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.frame import Frame
 from addon.core.frame.frame_path import mesh_frame
-from addon.core.frame.inspection import blur_discs
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.light import encode_srgb
 from addon.core.optics.aperture_sampling import vogel_disc
 from addon.render.views.average import draw_mean
 from addon.render.views.gpu_views import gpu_problem
 from benchmarks.displaced import displaced
-from sample_scenes import cycles_views
 
 from ..scenes import psnr, texture
 
@@ -217,24 +215,6 @@ def test_what_is_in_the_tilted_plane_stays_sharp() -> None:
     mean = draw_mean(meshed(on_wall, "features").through(16))
     assert error(mean, source()) > 45
     assert error(draw_mean(meshed(UNTILTED, "features").through(16)), source()) < 35
-
-
-def test_cycles_draws_what_the_gpu_does() -> None:
-    warped = meshed(TILTED).through(5)
-    found = cycles_views.mean_of_views(warped.views, warped.layers)
-    if not gpu_problem():
-        assert error(found, draw_mean(warped)) > 35
-    assert error(found, source()) < 30
-
-
-def test_discs_are_told_from_the_plane() -> None:
-    warped = meshed(TILTED).through(5)
-    discs = blur_discs(warped)
-    for x, y in ((20, 30), (96, 54), (150, 90)):
-        inverse = float(Truth().at(1, Canvas(LENS), source()).inverse_depth[y, x])
-        u, v = (x + 0.5 - LENS.cx) / LENS.fx, (y + 0.5 - LENS.cy) / LENS.fy
-        plane = (1 - u * np.tan(TILTED.swing) + v * np.tan(TILTED.tilt)) / 6
-        assert discs[y, x] == pytest.approx(2 * RADIUS * LENS.fx * (inverse - plane), rel=1e-5)
 
 
 @needs_gpu

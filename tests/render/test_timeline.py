@@ -16,18 +16,13 @@ from addon.core.media.clip import open_footage
 from addon.core.media.sequence import LAST_FRAME
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
-from addon.render import engine
 from addon.render.cg import cg_process
-from addon.render.output import output
-from addon.render.output.frame_files import frame_keys
 from addon.scene.base.exr import read
-from addon.scene.base.timeline import clip_frame, go_to, scene_time
+from addon.scene.base.timeline import clip_frame, go_to
 from addon.scene.build import build
-from addon.scene.ignored import ignored, unseen
-from addon.scene.sources.shot import shot_of
 
 from ..command_line import done, here
-from ..lamps import place_lamp
+from ..in_blender import place_lamp
 from ..scenes import LENS, slanted_plane, slanted_shot, write_plane
 from ..slanted_clip import keep
 
@@ -88,19 +83,6 @@ def test_picture_focus_and_objects_are_of_one_frame(pulled: bpy.types.Scene, tmp
         assert (pulled.frame_current, round(pulled.frame_subframe, 3)) == (at, subframe)
 
 
-def test_every_frame_can_be_gone_to(scene: bpy.types.Scene) -> None:
-    render = scene.render
-    for old, new in ((100, 100), (1, 900), (899, 900), (900, 7), (100, 300), (333, 100)):
-        render.frame_map_old, render.frame_map_new = old, new
-        for frame in (-3, 0, 1, 2, 7, 999, 1000):
-            go_to(scene, frame)
-            assert clip_frame(scene) == frame
-        for at in (0, 1, 2, 300, 899, 900):
-            scene.frame_set(at)
-            assert clip_frame(scene) == clip_frame(scene, at) == at * old // new
-    assert scene_time(scene, 333) == (100, 0.0)
-
-
 def test_numbers_beyond_blenders_last_are_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
     go_to(scene, LAST_FRAME)
     for frame in (LAST_FRAME + 1, 1100335):
@@ -110,37 +92,6 @@ def test_numbers_beyond_blenders_last_are_refused(scene: bpy.types.Scene, tmp_pa
     footage = replace(shot.footage, frames=(1100335, 1100336, 1100337))
     with pytest.raises(UserError, match="clip: frame 1100337 is beyond"):
         build(scene, footage, shot.reconstruction)
-
-
-def test_no_frame_is_rendered_under_a_clamped_number(
-    scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As in a .blend of an older version: Blender is at its last frame, and would show the clip's first."""
-    shot = slanted_shot(tmp_path / "clip", LENS)
-    settings = build(scene, shot.footage, shot.reconstruction)
-    settings.focus_distance, settings.aperture_radius, settings.method = 8.0, 0.1, "features"
-    numbers = (1100335, 1100336, 1100337)
-    far = replace(shot.footage, frames=numbers)
-    monkeypatch.setattr("addon.scene.sources.shot.open_footage", lambda *_, **__: far)
-    with pytest.raises(UserError, match="1100337 is beyond Blender's last frame"):
-        shot_of(scene)
-    scene.render.filepath = str(tmp_path / "out" / "####.png")
-    scene.frame_start = scene.frame_end = LAST_FRAME
-    with engine.watched() as watch, pytest.raises(RuntimeError, match="1100337 is beyond"):
-        bpy.ops.render.render(animation=True)
-    assert isinstance(watch.error, UserError) and not (tmp_path / "out").exists()
-    with pytest.raises(UserError, match="1100335 is beyond"):
-        output.plan_all(_with_shot(scene, shot.footage, monkeypatch), list(numbers[:2]))
-    with pytest.raises(UserError, match="1100335 is beyond"):
-        frame_keys(scene, list(numbers[:2]))
-    with pytest.raises(UserError, match="1100335 is beyond"):
-        output._render_still(scene, numbers[0], tmp_path / "1100335.png", "0" * 64, None)
-    assert not (tmp_path / "1100335.png").exists()
-
-
-def _with_shot(scene: bpy.types.Scene, footage: object, monkeypatch: pytest.MonkeyPatch) -> bpy.types.Scene:
-    monkeypatch.setattr("addon.scene.sources.shot.open_footage", lambda *_, **__: footage)
-    return scene
 
 
 @pytest.mark.usefixtures("registered")
@@ -173,20 +124,6 @@ def test_the_command_line_renders_the_clips_frames_whatever_the_remapping(tmp_pa
     done("render", tmp_path / "a.blend", "--out", tmp_path / "mapped" / "####.png")
     for plain in (tmp_path / "plain").iterdir():
         assert (tmp_path / "mapped" / plain.name).read_bytes() == plain.read_bytes()
-
-
-def test_frames_past_the_clip_and_what_movies_leave_out_are_said(pulled: bpy.types.Scene) -> None:
-    render = pulled.render
-    render.frame_map_new, pulled.frame_step = 200, 2
-    pulled.frame_start, pulled.frame_end = 1, 20
-    assert ignored(pulled) == (
-        "Frame 1 comes before the clip and repeats its frame 1",
-        "Frames 18 to 20 come after the clip and repeat its frame 8",
-        "Render Clip makes movies without Time Remapping; Render As: Frames uses it",
-        "Render Clip makes movies of every frame, whatever Step is; Render As: Frames uses it",
-    )
-    pulled.virtual_aperture.render_as, pulled.frame_start, pulled.frame_end = "FRAMES", 2, 17
-    assert ignored(pulled) == unseen(pulled) == ()
 
 
 def test_picks_and_marks_are_of_the_frame_that_is_shown(pulled: bpy.types.Scene) -> None:

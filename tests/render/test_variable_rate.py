@@ -14,11 +14,8 @@ from addon.core.media.clip import open_footage
 from addon.core.media.constant_rate import held_frames
 from addon.render.output import movie_file
 from addon.scene.build import build
-from addon.ui.panels.solve import VIRTUAL_APERTURE_PT_clip
 from benchmarks.odd_clips import SIZE, flashes_and_clicks, steady, varying, write
 from benchmarks.torture import clip as solved
-
-from ..recorder import draw
 
 
 def joined(footage_path: Path, folder: Path, frames: range | None = None) -> Path:
@@ -68,16 +65,6 @@ def test_every_frame_has_its_own_time_for_ten_minutes() -> None:
     assert np.array_equal(held[begins], np.arange(len(times)))
     off = (begins + round((times[0] - 0.3217) * 60)) - (times - 0.3217) * 60
     assert np.abs(off).max() <= 0.5 + 1e-6
-
-
-def test_the_panel_says_that_the_timeline_goes_by_index(tmp_path: Path, scene: bpy.types.Scene) -> None:
-    lens = solved.Intrinsics(*SIZE, 60.0, 60.0, SIZE[0] / 2, SIZE[1] / 2)
-    shown = {}
-    for name, times in (("varying", varying(9)), ("steady", steady(100))):
-        footage = open_footage(write(tmp_path / f"{name}.mp4", times))
-        build(scene, footage, solved.truth(range(1, 9), lens))
-        shown[name] = " ".join(draw(VIRTUAL_APERTURE_PT_clip).texts)
-    assert "variable frame rate" in shown["varying"] and "variable frame rate" not in shown["steady"]
 
 
 def test_a_movie_of_more_frames_than_a_strip_holds_has_them_in_order(

@@ -13,12 +13,10 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene.build import build
 from addon.scene.cg_objects import cg_objects
-from addon.scene.lens import lens
 from addon.scene.sources.shot import Shot
 from addon.ui import panels
 from addon.ui.footage import after_solve
 from addon.ui.footage.file_import import clip_of
-from addon.ui.picking import points_overlay
 
 from .. import planes
 from ..recorder import draw
@@ -79,18 +77,9 @@ def test_a_solve_is_looked_at_through_its_camera(default_scene: bpy.types.Scene,
     assert len(vertices) > 50 and not any(vertex.select for vertex in vertices)
 
 
-def test_who_edits_something_else_is_left_alone(default_scene: bpy.types.Scene, tmp_path: Path) -> None:
-    shot = slanted_shot(tmp_path, LENS)
-    build(default_scene, shot.footage, shot.reconstruction)
-    cube = bpy.data.objects["Cube"]
-    bpy.ops.object.mode_set(mode="EDIT")
-    after_solve.show(default_scene, shot.reconstruction)
-    assert bpy.context.view_layer.objects.active == cube and cube.mode == "EDIT"
-
-
 @pytest.mark.parametrize(
     ("place", "size", "hidden"),
-    [((0, 0, 0), 1, True), ((0.1, 0, 0.04), 0.01, True), ((3, 0, 0), 1, False), ((0, 0, 0), 0, False)],
+    [((0.1, 0, 0.04), 0.01, True), ((3, 0, 0), 1, False), ((0, 0, 0), 0, False)],
 )
 def test_only_what_the_camera_goes_through_is_hidden(
     default_scene: bpy.types.Scene, tmp_path: Path, place: tuple[float, ...], size: float, hidden: bool
@@ -172,61 +161,6 @@ def test_what_was_hidden_before_a_solve_and_blocks_it_is_not_drawn(
     assert {thing.name for thing in after_solve.still_hidden(scene)} == {"Cube", "Hall"}
 
 
-@pytest.mark.usefixtures("scene")
-def test_what_was_hidden_is_said_in_one_line() -> None:
-    cube, ball = (bpy.data.objects.new(name, None) for name in ("Cube", "Ball"))
-    assert after_solve.hidden_words([cube]) == "Cube blocked the camera and was hidden; Alt H shows it"
-    assert "Cube, Ball blocked the camera and were hidden" in after_solve.hidden_words([cube, ball])
-
-
-def test_points_are_drawn_in_their_colours(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    shot = slanted_shot(tmp_path, LENS)
-    points = shot.reconstruction.points
-    points.rgb[:] = np.arange(450).reshape(-1, 3) % 256
-    settings = build(scene, shot.footage, shot.reconstruction)
-    places, colours = points_overlay.places_and_colours(settings.points.data)
-    np.testing.assert_allclose(places, points.xyz, rtol=1e-6)
-    np.testing.assert_array_equal(np.round(colours[:, :3] * 255), points.rgb)
-    picked = points_overlay.picked_vertices(settings.points.data, (3, 9))
-    assert np.flatnonzero(picked).tolist() == [3, 9]
-    # IDs stay when vertices before them are deleted.
-    import bmesh
-
-    mesh = bmesh.new()
-    mesh.from_mesh(settings.points.data)
-    mesh.verts.ensure_lookup_table()
-    mesh.verts.remove(mesh.verts[0])
-    mesh.to_mesh(settings.points.data)
-    picked = points_overlay.picked_vertices(settings.points.data, (3, 9))
-    assert np.flatnonzero(picked).tolist() == [2, 8]
-
-
-def test_points_are_hidden_with_their_object(default_scene: bpy.types.Scene, tmp_path: Path) -> None:
-    shot = slanted_shot(tmp_path, LENS)
-    area = next(a for a in bpy.context.window.screen.areas if a.type == "VIEW_3D")
-    with bpy.context.temp_override(area=area):
-        assert not points_overlay.is_shown(bpy.context)
-        settings = build(default_scene, shot.footage, shot.reconstruction)
-        bpy.context.view_layer.update()
-        assert not points_overlay.is_shown(bpy.context), "they would lie over the clip"
-        settings.show_points = True
-        assert points_overlay.is_shown(bpy.context)
-        overlay = area.spaces.active.overlay
-        overlay.show_overlays = False
-        assert not points_overlay.is_shown(bpy.context)
-        overlay.show_overlays = True
-        settings.points.hide_set(True)
-        assert not points_overlay.is_shown(bpy.context)
-        settings.points.hide_set(False)
-        bpy.context.view_layer.layer_collection.children["Virtual Aperture"].hide_viewport = True
-        bpy.context.view_layer.update()
-        assert not points_overlay.is_shown(bpy.context)
-        bpy.context.view_layer.layer_collection.children["Virtual Aperture"].hide_viewport = False
-        bpy.context.view_layer.objects.active = settings.points
-        bpy.ops.object.mode_set(mode="EDIT")
-        assert not points_overlay.is_shown(bpy.context)
-
-
 def drawn(points: bpy.types.Object) -> int:
     """Vertices that Blender itself draws."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
@@ -245,13 +179,6 @@ def test_points_are_drawn_only_where_they_are_asked_for(scene: bpy.types.Scene, 
     settings = build(scene, shot.footage, shot.reconstruction)
     assert settings.show_points and drawn(settings.points) == count
     assert len(settings.points.modifiers) == len(settings.points.vertex_groups) == 1
-
-
-def test_points_of_photos_are_all_that_is_seen(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    shot = slanted_shot(tmp_path, LENS)
-    photos = replace(shot.footage, is_stills=True)
-    settings = build(scene, photos, shot.reconstruction)
-    assert settings.show_points and not settings.camera.data.background_images
 
 
 def test_points_of_an_older_version_can_be_hidden(scene: bpy.types.Scene, tmp_path: Path) -> None:
@@ -329,16 +256,3 @@ def test_a_picture_means_its_sequence(scene: bpy.types.Scene, tmp_path: Path) ->
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.virtual_aperture.choose_clip(filepath=f"{folder}/")
     assert bpy.context.scene.virtual_aperture.footage == "//shot 3"
-
-
-def test_the_browser_shows_clips_and_folders_only(registered: None) -> None:
-    properties = bpy.ops.virtual_aperture.choose_clip.get_rna_type().properties
-    assert all(properties[f"filter_{kind}"].default for kind in ("movie", "image", "folder"))
-
-
-def test_a_scene_without_a_summary_still_draws(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    shot = slanted_shot(tmp_path, LENS)
-    settings = build(scene, shot.footage, shot.reconstruction)
-    assert settings.summary == ""
-    assert "Solved" in draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts
-    assert not lens.is_in_focus(settings)

@@ -59,10 +59,3 @@ def test_views_are_no_color_spaces_of_clips(registered: None) -> None:
     with pytest.raises(UserError, match="there is no color space 'S-Log9'; Blender has ACES"):
         colour_space.checked("S-Log9")
     assert colour_space.checked("s-log3 s-gamut3.cine") == "S-Log3 S-Gamut3.Cine"
-
-
-def test_float_pictures_take_linear_spaces_alone(registered: None) -> None:
-    light = np.full((2, 2, 3), 20.0, np.float32)
-    np.testing.assert_allclose(colour_space.colour_space("Linear Rec.2020").to_light(light), light, rtol=1e-3)
-    with pytest.raises(UserError, match=r"hold linear light, which is not Apple Log"):
-        colour_space.colour_space("Apple Log").to_light(light)

@@ -75,16 +75,6 @@ def test_a_t_stop_is_of_the_light_that_passes(scene: bpy.types.Scene, tmp_path: 
     assert depth_of_field.t_stop(settings) == pytest.approx(4.0 / np.sqrt(0.9 / np.log(10)), rel=2e-3)
 
 
-def test_no_f_stop_is_no_aperture(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    settings = shot(scene, tmp_path)
-    assert settings.f_stop == 0, "nothing is in focus, and no aperture chosen"
-    settings.focus_distance = 8.0
-    radius = settings.aperture_radius
-    settings.f_stop = 0.0
-    assert settings.aperture_radius == radius and settings.f_stop > 0
-    assert not settings.bl_rna.properties["f_stop"].is_animatable
-
-
 def test_the_scale_is_kept_by_the_same_clip_and_no_other(scene: bpy.types.Scene, tmp_path: Path) -> None:
     work = choose_clip(scene, tmp_path)
     bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
@@ -158,11 +148,9 @@ def test_f_stops_are_shown_once_the_scale_is_given(scene: bpy.types.Scene, tmp_p
     assert "full-frame equivalent" not in " ".join(draw(scale).texts)
 
 
-@pytest.mark.parametrize("scale", [1.0, 3.0])
-def test_cycles_blurs_what_is_placed_in_the_scene_alike(
-    scene: bpy.types.Scene, tmp_path: Path, scale: float
-) -> None:
+def test_cycles_blurs_what_is_placed_in_the_scene_alike(scene: bpy.types.Scene, tmp_path: Path) -> None:
     """A small bright square behind the focus, by Cycles' thin lens of Blender's camera: its disc is ours."""
+    scale = 3.0
     settings = shot(scene, tmp_path / "clip")
     settings.root.scale = (scale,) * 3
     bpy.context.view_layer.update()

@@ -66,16 +66,6 @@ def distance(scene: bpy.types.Scene, frame: int) -> float:
     return float(scene.virtual_aperture.focus_distance)
 
 
-def test_one_mark_of_points_needs_no_keys(scene: bpy.types.Scene, shot: Shot) -> None:
-    settings = scene.virtual_aperture
-    focus_marks.put(settings, 4, [points(shot, 4, 3, 9)])
-    assert lens.focus_of(settings).points == (3, 9)
-    assert keys(scene) is None and settings.aperture_radius > 0
-    # The next pick takes its place.
-    focus_marks.put(settings, 8, [points(shot, 8, 20)])
-    assert lens.focus_of(settings).points == (20,) and len(settings.marks.items) == 1
-
-
 def test_marks_are_keyframes_and_what_is_between_is_generated(scene: bpy.types.Scene, shot: Shot) -> None:
     settings = scene.virtual_aperture
     focus_marks.put(settings, 9, [at(9, 12.0)])
@@ -93,14 +83,6 @@ def test_marks_are_keyframes_and_what_is_between_is_generated(scene: bpy.types.S
     focus_marks.put(settings, 6, [at(6, 5.0)])
     assert [mark.frame for mark in settings.marks.items] == [3, 6, 9]
     assert distance(scene, 6) == pytest.approx(5.0)
-
-
-def test_a_place_in_the_world_is_keyed_where_the_camera_moves(scene: bpy.types.Scene, shot: Shot) -> None:
-    world = np.array([0.2, -0.1, 7.0])
-    focus_marks.put(scene.virtual_aperture, 2, [replace(at(2, 7.0), world=world)])
-    for frame in (1, 7, 12):
-        true = shot.reconstruction.image_at(frame)[0].to_camera(world)[2]
-        assert distance(scene, frame) == pytest.approx(true, rel=1e-5)
 
 
 def test_a_mark_has_a_pull_of_its_own_and_can_hold_its_distance(scene: bpy.types.Scene, shot: Shot) -> None:
@@ -125,26 +107,6 @@ def test_a_mark_has_a_pull_of_its_own_and_can_hold_its_distance(scene: bpy.types
     ]
 
 
-def test_of_two_places_the_mean_inverse_depth(scene: bpy.types.Scene, shot: Shot) -> None:
-    mover = Place(Focus(distance=4.0), 5, 4.0, "a mover", followed={4: 4.0, 5: 4.0, 6: 4.0})
-    focus_marks.put(scene.virtual_aperture, 5, [mover, at(5, 12.0)])
-    assert distance(scene, 5) == pytest.approx(6.0)
-    # They are kept in the .blend.
-    (kept,) = marks_of(scene.virtual_aperture)
-    assert [dict(place.followed) for place in kept.places] == [{4: 4.0, 5: 4.0, 6: 4.0}, {}]
-
-
-def test_points_have_the_depth_of_the_frame_that_their_mark_goes_to(
-    scene: bpy.types.Scene, shot: Shot
-) -> None:
-    place = points(shot, 2, 5, 6)
-    focus_marks.replace_all(scene.virtual_aperture, [FocusMark.of(place), FocusMark.of(at(12, 30.0))])
-    focus_marks.move(scene.virtual_aperture, 0, 8)
-    there = 1 / place.focus.inverse_depth(shot.reconstruction, 8)
-    assert there != pytest.approx(place.distance, rel=1e-4)
-    assert distance(scene, 8) == pytest.approx(there, rel=1e-5)
-
-
 def test_deleted_keys_leave_the_distance_and_do_not_come_back(scene: bpy.types.Scene, shot: Shot) -> None:
     settings = scene.virtual_aperture
     focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
@@ -157,7 +119,7 @@ def test_deleted_keys_leave_the_distance_and_do_not_come_back(scene: bpy.types.S
     assert not focus_curve.is_users(settings)
 
 
-@pytest.mark.parametrize("frames", [(3,), (5, 6), (9,)])
+@pytest.mark.parametrize("frames", [(3,), (5, 6)])
 def test_a_curve_that_is_edited_is_the_users(
     scene: bpy.types.Scene, shot: Shot, frames: tuple[int, ...]
 ) -> None:
@@ -173,15 +135,6 @@ def test_a_curve_that_is_edited_is_the_users(
     focus_marks.take_keys_over(settings)
     assert not focus_marks.are_keys_users(settings)
     assert distance(scene, frames[0]) == pytest.approx(before) and distance(scene, 11) == pytest.approx(2.0)
-
-
-def test_an_edit_that_is_taken_back_leaves_the_curve_to_the_marks(scene: bpy.types.Scene, shot: Shot) -> None:
-    settings = scene.virtual_aperture
-    focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
-    key(scene, 9).co[1] = 20.0
-    assert focus_marks.are_keys_users(settings)
-    key(scene, 9).co[1] = 12.0
-    assert not focus_marks.are_keys_users(settings)
 
 
 def test_keys_of_the_users_are_not_touched(scene: bpy.types.Scene, shot: Shot) -> None:
@@ -219,13 +172,6 @@ def test_removing_and_moving(scene: bpy.types.Scene, shot: Shot) -> None:
     assert keys(scene) is None and settings.focus_distance == pytest.approx(12.0)
     focus_marks.remove(settings, 0)
     assert settings.focus_distance == pytest.approx(12.0) and lens.is_in_focus(settings)
-
-
-def test_what_was_in_focus_without_a_mark_begins_a_pull(scene: bpy.types.Scene, shot: Shot) -> None:
-    settings = scene.virtual_aperture
-    focus_marks.set_focus(settings, Focus((3, 9)), 2)
-    focus_marks.put(settings, 9, [at(9, 30.0)], add=True)
-    assert [(mark.frame, mark.name) for mark in settings.marks.items] == [(2, "Point cloud"), (9, "Distance")]
 
 
 def test_a_mark_is_named_by_what_was_picked(scene: bpy.types.Scene, shot: Shot) -> None:

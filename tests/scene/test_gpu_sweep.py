@@ -89,13 +89,11 @@ def off(ours: Winners, its: Winners) -> Floats:
     return np.asarray(np.abs(ours.level - its.level))
 
 
-@pytest.mark.parametrize("case", ["as it is", "one side", "one view", "few levels", "seen by none", "narrow"])
+@pytest.mark.parametrize("case", ["one side", "few levels", "seen by none", "narrow"])
 def test_levels_are_the_processors(case: str) -> None:
     picture, views, levels, guide, known = gpu_matcher.sample()
     if case == "one side":
         views = [view for view in views if view.side < 0]
-    elif case == "one view":
-        views = views[:1]
     elif case == "few levels":
         levels, known = np.linspace(0, 2, 5), known / 3
     elif case == "seen by none":
@@ -140,19 +138,9 @@ def test_a_gpu_is_compared_once_and_then_sweeps(forced: None, calls: list[tuple[
     assert calls == 4 * [picture.shape[:2]]
 
 
-def test_nobody_is_asked_where_the_user_says_so(
-    monkeypatch: pytest.MonkeyPatch, calls: list[tuple[int, int]]
-) -> None:
-    monkeypatch.setattr(gpu_matcher, "is_real", lambda: True)
-    monkeypatch.setenv(gpu_matcher.GPU, "0")
-    gpu_matcher.winning_levels(*gpu_matcher.sample())
-    assert not calls
-
-
 @pytest.mark.parametrize("name, right, wrong", [
     ("gather", "imageStore(costs", "imageStore(nothing"),  # It does not compile.
     ("paths", "min(min(old, beside)", "min(min(old, old)"),  # It gives another picture.
-    ("mismatch", "share.y) + 0.5", "share.x) + 0.5"),
     ("finish", "spreads, at, vec4(", "spreads, at, vec4(0.0 / 0.0 + "),  # It gives none.
 ])  # fmt: skip
 def test_a_gpu_that_differs_is_left_alone(

@@ -18,7 +18,6 @@ from addon.scene.lens.lens import frame_options
 from addon.scene.solve.camera import curves_of
 from addon.scene.sources.shot import Shot
 
-from ..in_blender import select
 from ..scenes import slanted_shot
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
@@ -82,22 +81,6 @@ def test_picked_points_set_the_distance_that_can_be_keyed(scene, shot, settings)
     assert lens.focus_of(settings).points == PICKED
 
 
-def test_a_pick_in_a_pull_is_the_next_key(scene, shot, settings) -> None:
-    set_focus(settings, Focus(points=PICKED), 1)
-    scene.keyframe_insert("virtual_aperture.focus_distance", frame=1)
-    radius = settings.aperture_radius
-    scene.frame_set(5)
-    select(settings.points, (7, 11, 30))
-    assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
-    there = 1 / Focus(points=(7, 11, 30)).inverse_depth(shot.reconstruction, 5)
-    scene.frame_set(1)
-    assert settings.focus_distance == pytest.approx(depth(shot, 1))
-    scene.frame_set(5)
-    assert settings.focus_distance == pytest.approx(there)
-    assert lens.focus_of(settings).distance == pytest.approx(there)
-    assert radii(scene, shot) == [pytest.approx(radius)] * 5
-
-
 def test_a_first_distance_is_dragged_with_the_blur_kept(scene, shot, settings) -> None:
     for distance in (0.1, 1.0, 5.0, 6.5):
         settings.focus_distance = distance
@@ -144,15 +127,6 @@ def pull(scene, settings) -> float:
     return float(settings.aperture_radius)
 
 
-def test_a_stored_blur_is_the_same_over_a_pull(scene, shot, settings) -> None:
-    radius = pull(scene, settings)
-    assert radius == pytest.approx(radius_for_blur(shot.reconstruction, Focus(distance=6.0), 1, 0.06))
-    for frame in shot.footage.frames:
-        scene.frame_set(frame)
-        assert settings.blur == pytest.approx(0.06) and settings.aperture_radius == radius
-    assert radii(scene, shot) == [pytest.approx(radius)] * 5
-
-
 def test_the_blur_that_an_aperture_gives_is_that_of_the_frame(scene, shot, settings) -> None:
     radius, shown = pull(scene, settings), []
     settings.aperture_radius = radius
@@ -169,15 +143,6 @@ def test_the_blur_that_an_aperture_gives_is_that_of_the_frame(scene, shot, setti
     scene.frame_set(4)
     expected = radius / radius_for_blur(shot.reconstruction, Focus(points=PICKED), 4, 1.0)
     assert settings.blur == pytest.approx(expected, rel=1e-5)
-
-
-@pytest.mark.parametrize("digits", [4, 6, 9])
-def test_typing_the_blur_that_is_shown_changes_nothing(scene, shot, settings, digits: int) -> None:
-    radius = pull(scene, settings)
-    for frame in shot.footage.frames:
-        scene.frame_set(frame)
-        settings.blur = round(settings.blur, digits)
-        assert settings.aperture_radius == pytest.approx(radius, rel=1e-6)
 
 
 def test_the_blur_that_is_typed_is_that_of_the_first_mark(scene, shot, settings) -> None:
@@ -198,14 +163,6 @@ def test_a_first_key_of_the_blur_is_the_blur_that_is_shown(scene, settings) -> N
     for frame in (3, 5):
         scene.frame_set(frame)
         assert settings.blur == pytest.approx(shown, rel=1e-6)
-
-
-def test_the_blur_waits_for_a_focus(settings, shot) -> None:
-    settings.blur = 0.06
-    assert settings.aperture_radius == 0
-    set_focus(settings, Focus(points=PICKED), 1)
-    expected = radius_for_blur(shot.reconstruction, Focus(points=PICKED), 1, 0.06)
-    assert settings.aperture_radius == pytest.approx(expected, rel=1e-5)
 
 
 def test_files_without_a_radius_render_as_before(scene, shot, settings) -> None:
@@ -232,14 +189,6 @@ def test_clearing_leaves_the_focus_at_its_distance(scene, shot, settings) -> Non
     assert not lens.is_in_focus(settings)
     with pytest.raises(UserError, match="nothing is in focus"):
         lens.focus_of(settings).inverse_depth(shot.reconstruction, 1)
-
-
-def test_a_new_solve_starts_from_the_blur(scene, shot, settings) -> None:
-    set_focus(settings, Focus(points=PICKED), 1)
-    settings.aperture_radius = 5.0
-    build(scene, shot.footage, shot.reconstruction)
-    assert settings.aperture_radius == 0
-    assert not lens.is_in_focus(settings)
 
 
 def test_automatic_views_are_no_views(settings) -> None:

@@ -50,8 +50,16 @@ def delete(thing: bpy.types.Object) -> None:
         bpy.ops.object.delete()
 
 
-@pytest.mark.parametrize("how", ["deleted", "purged"])
-@pytest.mark.parametrize("name", parts.PARTS)
+@pytest.mark.parametrize(
+    ("name", "how"),
+    [
+        ("root", "deleted"),
+        ("camera", "purged"),
+        ("points", "deleted"),
+        ("points", "purged"),
+        ("aperture", "deleted"),
+    ],
+)
 def test_what_was_deleted_is_restored(scene: bpy.types.Scene, tmp_path: Path, name: str, how: str) -> None:
     settings = solved(scene, tmp_path)
     expected = render(tmp_path)
@@ -140,19 +148,6 @@ def test_a_copied_scene_gets_its_own_solve(scene: bpy.types.Scene, tmp_path: Pat
     assert [getattr(settings, name) for name in parts.PARTS] == mine
     assert len(reconstruction_of(settings).points) == 150
     assert render(tmp_path) == expected
-
-
-def test_two_scenes_have_two_clips(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    settings = solved(scene, tmp_path)
-    expected = render(tmp_path)
-    bpy.ops.scene.new(type="NEW")
-    second = solved(bpy.context.scene, tmp_path, "second")
-    assert second.camera != settings.camera and second.points != settings.points
-    second.focus_distance = 5.5
-    assert render(tmp_path) != expected
-    bpy.context.window.scene = scene
-    assert render(tmp_path) == expected
-    assert not set(scene.objects) & set(bpy.data.scenes[-1].objects)
 
 
 @pytest.fixture

@@ -51,9 +51,7 @@ def cicp(primaries: int, transfer: int, full: bool = True) -> bytes:
     return with_chunks(PNG, cICP=bytes([primaries, transfer, 0, full]))
 
 
-@pytest.mark.parametrize(
-    "codes", [(1, 1), (1, 4), (1, 8), (1, 13), (9, 1), (9, 8), (9, 16), (9, 18), (12, 1), (12, 8), (12, 13)]
-)
+@pytest.mark.parametrize("codes", [(1, 4), (1, 13), (9, 8), (9, 16), (9, 18), (12, 1)])
 def test_codes_mean_what_they_do_in_blender(
     scene: bpy.types.Scene, tmp_path: Path, codes: tuple[int, int]
 ) -> None:
@@ -78,7 +76,7 @@ def decoded(codes: tuple[int, int]) -> np.ndarray:
     return np.asarray(own @ (np.linalg.inv(to_xyz(REC_709)) @ to_xyz(primaries)).T)
 
 
-@pytest.mark.parametrize("codes", [(1, 5), (1, 14), (1, 16), (9, 4), (9, 13), (9, 15), (12, 4), (12, 16)])
+@pytest.mark.parametrize("codes", [(1, 5), (9, 4), (9, 13), (12, 16)])
 def test_codes_that_blender_takes_for_srgb(
     scene: bpy.types.Scene, tmp_path: Path, codes: tuple[int, int]
 ) -> None:
@@ -86,8 +84,7 @@ def test_codes_that_blender_takes_for_srgb(
     assert np.abs(found - expected).max() < 1e-3 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("deep", [False, True])
-@pytest.mark.parametrize("codes", [(9, 16), (9, 18), (12, 13), (1, 1)])
+@pytest.mark.parametrize(("codes", "deep"), [((9, 16), False), ((12, 13), True)])
 def test_narrow_range(scene: bpy.types.Scene, tmp_path: Path, codes: tuple[int, int], deep: bool) -> None:
     """The same signal in the narrow and in the full range (ITU-T H.273, 8.3)."""
     signal = np.linspace(0, 1, 192).reshape(8, 8, 3)
@@ -103,7 +100,7 @@ def test_narrow_range(scene: bpy.types.Scene, tmp_path: Path, codes: tuple[int, 
     assert np.abs(found[0] - found[1]).max() < 1.1 / (top if deep else 219)
 
 
-@pytest.mark.parametrize("codes", [(3, 13), (9, 12), (1, 17), (10, 16)])
+@pytest.mark.parametrize("codes", [(3, 13), (9, 12)])
 def test_codes_that_are_not_known_are_named(
     scene: bpy.types.Scene, tmp_path: Path, codes: tuple[int, int]
 ) -> None:
@@ -242,7 +239,7 @@ def test_profiles_mean_what_they_do_in_littlecms(
     assert off.max() < (3 if suffix == ".jpg" else 1.5)
 
 
-@pytest.mark.parametrize("kind", ["Gray 2.2", "Gray 3", "Gray table", "Gray linear"])
+@pytest.mark.parametrize("kind", ["Gray 3", "Gray table"])
 def test_profiles_of_gray(scene: bpy.types.Scene, tmp_path: Path, kind: str) -> None:
     data, ramp = profile(kind), np.tile(np.arange(256, dtype=np.uint8), (16, 1))
     png = with_chunks(cv2.imencode(".png", ramp)[1].tobytes(), iCCP=b"x\0\0" + zlib.compress(data))
@@ -270,14 +267,12 @@ def test_profiles_that_cannot_be_honoured_are_named(scene: bpy.types.Scene, tmp_
 
 
 EXR_PRIMARIES = {
-    "Linear DCI-P3 D65": (*P3, WHITE), "Linear Rec.2020": (*REC_2020, WHITE),
-    "Linear Adobe RGB": (*ADOBE, WHITE),
+    "Linear Rec.2020": (*REC_2020, WHITE),
     "ACEScg": ((0.713, 0.293), (0.165, 0.83), (0.128, 0.044), (0.32168, 0.33767)),
-    "ACES2065-1": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), (0.32168, 0.33767)),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [*EXR_PRIMARIES, "Linear Rec.709"])
+@pytest.mark.parametrize("name", ["ACEScg", "Linear Rec.2020", "Linear Rec.709"])
 def test_chromaticities_of_light(scene: bpy.types.Scene, tmp_path: Path, name: str) -> None:
     """As Blender shows an image of the same light whose colour space is set by name."""
     stored = np.random.default_rng(2).random((16, 16, 3)).astype(np.float16)
@@ -295,10 +290,8 @@ def test_chromaticities_of_light(scene: bpy.types.Scene, tmp_path: Path, name: s
 
 @pytest.mark.parametrize(
     ("identifier", "name"),
-    [("lin_ap1_scene", "ACEScg"), ("lin_rec2020_scene", "Linear Rec.2020"),
-     ("lin_p3d65_scene", "Linear DCI-P3 D65"), ("srgb_p3d65_display", "Display P3"),
-     ("srgb_rec709_display", "sRGB")],
-)  # fmt: skip
+    [("lin_ap1_scene", "ACEScg"), ("srgb_p3d65_display", "Display P3")],
+)
 def test_files_that_blender_itself_tags(
     scene: bpy.types.Scene, tmp_path: Path, identifier: str, name: str
 ) -> None:
@@ -320,12 +313,6 @@ def test_odd_primaries_are_read_and_not_shown_in_blender(scene: bpy.types.Scene,
     assert image_space(scene.virtual_aperture, clip) == ""
 
 
-def test_the_user_s_space_comes_first(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    clip = opened(tmp_path, cicp(9, 16))
-    scene.virtual_aperture.colour_space = "Rec.2100-HLG"
-    assert image_space(scene.virtual_aperture, clip) == "Rec.2100-HLG"
-
-
 def test_frames_of_other_colours_are_refused_by_name(scene: bpy.types.Scene, tmp_path: Path) -> None:
     folder = sequence(tmp_path, cicp(9, 16), ".png")
     (folder / "f_0002.png").write_bytes(PNG)
@@ -335,9 +322,8 @@ def test_frames_of_other_colours_are_refused_by_name(scene: bpy.types.Scene, tmp
         clip.read(2)
 
 
-@pytest.mark.parametrize("first", [True, False])
 def test_frames_that_are_tagged_alike_in_other_words_are_one_clip(
-    scene: bpy.types.Scene, tmp_path: Path, first: bool
+    scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
     """Editors add a profile, or leave it out."""
     packed = b"x\0\0" + zlib.compress(profile("LittleCMS sRGB"))
@@ -347,7 +333,7 @@ def test_frames_that_are_tagged_alike_in_other_words_are_one_clip(
         with_chunks(PNG, sRGB=b"\0"),
         with_chunks(PNG, gAMA=gama(45_455)),
     ]
-    for number, data in enumerate(ways if first else ways[::-1], 1):
+    for number, data in enumerate(ways, 1):
         (tmp_path / f"f_{number}.png").write_bytes(data)
     clip = open_footage(tmp_path)
     assert all(np.array_equal(clip.read(1), clip.read(frame)) for frame in clip.frames)

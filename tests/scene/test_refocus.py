@@ -99,11 +99,6 @@ def test_lengths_follow_the_scale(old: Reconstruction) -> None:
     assert depth_ratio(old, few, 2) == pytest.approx(0.25, rel=0.3)
 
 
-def test_a_frame_that_is_not_registered_any_more_has_a_neighbour(old: Reconstruction) -> None:
-    carried = carry_focus(old, solved_anew(old, frames=(3, 4)), Focus(PICKED), 1)
-    assert len(carried.focus.points) == 4
-
-
 def scene_of(scene: bpy.types.Scene, folder: Path, old: Reconstruction) -> bpy.types.PropertyGroup:
     return build(scene, open_footage(write_frames(folder, LENS, FRAMES)), old)
 
@@ -184,9 +179,3 @@ def test_solving_again_keeps_the_focus_and_one_at_a_time(scene: bpy.types.Scene,
     Solving.running = None
     assert len(settings.marks.points) == 3 and settings.marks.items[0].frame == 6
     assert settings.focus_distance == pytest.approx(distance, rel=0.02)
-
-
-def test_without_a_common_frame_nothing_is_carried(old: Reconstruction) -> None:
-    new = solved_anew(slanted_plane(LENS, (11, 12)), frames=(11, 12))
-    carried = carry_focus(old, new, Focus(PICKED, 8.0), 1)
-    assert carried.focus == Focus((), 8.0)

@@ -14,7 +14,7 @@ from mathutils import Euler, Vector
 from addon.core.base.errors import UserError
 from addon.core.media.clip import Footage, open_footage
 from addon.core.readers.matching import Imported
-from addon.scene.sources.scene_camera import cameras_of, read_scene_camera
+from addon.scene.sources.scene_camera import read_scene_camera
 
 from ..scenes import LENS, write_frames
 
@@ -58,14 +58,6 @@ def check(scene: bpy.types.Scene, filmed: bpy.types.Object, found: Imported, off
         wanted = [(x * LENS.width, (1 - y) * LENS.height) for x, y, _ in seen]
         np.testing.assert_allclose(place, wanted, atol=2e-3)
         np.testing.assert_allclose(local[:, 2], [depth for *_, depth in seen], atol=1e-5)
-
-
-def test_the_camera_is_blenders(scene: bpy.types.Scene, filmed: bpy.types.Object, footage: Footage) -> None:
-    scene.frame_set(3)
-    found = read_scene_camera(scene, filmed, footage)
-    assert scene.frame_current == 3
-    assert not found.notes and len(found.reconstruction.cameras) == 1
-    check(scene, filmed, found)
 
 
 @pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
@@ -160,11 +152,3 @@ def test_what_cannot_have_filmed_is_refused(
     filmed.data.type = "ORTHO"
     with pytest.raises(UserError, match="is ortho; only a perspective camera"):
         read_scene_camera(scene, filmed, footage)
-
-
-def test_the_active_camera_comes_first(scene: bpy.types.Scene, filmed: bpy.types.Object) -> None:
-    other = bpy.data.objects.new("Another", bpy.data.cameras.new("Another"))
-    scene.collection.objects.link(other)
-    assert cameras_of(scene) == [other, filmed]
-    scene.camera = filmed
-    assert cameras_of(scene) == [filmed, other]

@@ -81,13 +81,6 @@ def test_stored_values_are_not_the_defaults(registered: None, file: Path) -> Non
     assert set(same) <= {"mask"}, same
 
 
-def test_what_is_lost_is_found() -> None:
-    before = {"a": [{"b": 1, "c": [1.0, 2.0]}], "d": {"X": 0}}
-    assert lost(before, {"a": [{"b": 1, "c": [1.0, 2.0], "e": 5}], "d": {"X": 0, "Y": 1}}) == []
-    assert lost(before, {"a": [{"b": 2, "c": [1.0, 2.0]}], "d": {"X": 1}}) == [".a.b: 1 is 2", ".d.X: 0 is 1"]
-    assert lost(before, {"d": {"Y": 0}}) == [".a", ".d.X: 0 is None"]
-
-
 @pytest.mark.parametrize("number", [3, 4], ids=["grid", "edges"])
 def test_a_method_that_is_gone_becomes_the_one_most_like_it(
     registered: None, tmp_path: Path, number: int

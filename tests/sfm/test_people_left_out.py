@@ -69,25 +69,6 @@ def test_tracks_that_are_mostly_on_masks_are_left_out_and_numbers_stay() -> None
         assert number.tolist() == [0, 4, 6] and places[0].tolist() == list(away)
 
 
-def test_a_track_is_judged_by_the_mask_of_each_frame() -> None:
-    """One person walks to the right, another point stays where they were."""
-    given = tracks({0: [(10.0, 25.0), (40.0, 25.0), (70.0, 25.0)], 1: [(10.0, 25.0)] * 3})
-
-    def of(frame: int) -> np.ndarray:
-        mask = np.zeros((50, 100), bool)
-        mask[:, 30 * (frame - 5) : 30 * (frame - 5) + 20] = True
-        return mask
-
-    assert np.unique(outside(given, of).track).tolist() == [1]
-
-
-def test_nothing_is_left_out_without_networks_or_people(tmp_path: Path) -> None:
-    clip = open_footage(planes.write_clip(tmp_path / "walk", planes.sideways(6)))
-    given = tracks({0: [(10.0, 25.0)] * 6})
-    assert without_people(given, clip, Networks(tmp_path / "none")) is None
-    assert without_people(given, clip) is None
-
-
 def test_tracks_on_a_person_are_left_out_and_progress_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -144,11 +125,11 @@ def test_what_stands_out_for_a_segmenter_is_left_out(
     assert (None if found is None else np.unique(found.track).tolist()) == left
 
 
-@pytest.mark.parametrize(("step", "pan", "alive"), [(0.0, 0.0, False), (0.0, 3.0, False), (1.0, 3.0, True)])
+@pytest.mark.parametrize(("step", "pan", "alive"), [(0.0, 3.0, False), (1.0, 3.0, True)])
 def test_a_figure_that_moves_as_one_with_the_scene_is_no_person(
     tmp_path: Path, step: float, pan: float, alive: bool
 ) -> None:
-    """A mannequin before a camera that stands or pans; someone who moves by a pixel a frame."""
+    """A mannequin before a camera that pans; someone who moves by a pixel a frame."""
     if not Networks().exist:
         pytest.skip("the networks are not in addon/networks: run tools/networks.py")
     clip = open_footage(planes.write_clip(tmp_path / "person", [figure()[..., ::-1]] * 6))

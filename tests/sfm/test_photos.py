@@ -12,7 +12,6 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.camera.focal_length import Focal
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.depth.view_selection import every_nth, nearest_views
 from addon.core.media.clip import open_footage
 from addon.core.readers import read_reconstruction
 from addon.core.sfm.process import SolveProcess
@@ -111,13 +110,6 @@ def reconstruction() -> Reconstruction:
         for frame, x, start in ((1, 0.0, 0), (2, 3.0, 0), (3, 0.5, 0), (4, 0.1, 20))
     )
     return Reconstruction((camera,), images, points, is_ordered=False)
-
-
-def test_what_is_near_is_told_by_cameras_and_points() -> None:
-    photos = reconstruction()
-    assert [image.frame for image in nearest_views(photos, photos.images[0], 3)] == [3, 2]
-    assert [image.frame for image in every_nth(photos, 1, 4, 12)] == [3, 2]
-    assert [image.frame for image in every_nth(replace(photos, is_ordered=True), 1, 1, 2)] == [2, 3]
 
 
 def test_a_photo_without_a_camera_borrows_none() -> None:

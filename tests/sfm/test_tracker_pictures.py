@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from addon.core.media.light import encode_srgb
-from addon.core.sfm import steps
-from addon.core.sfm.steps import MOST, WIDTH, Sight, Watch, sight_of
+from addon.core.sfm.steps import MOST, WIDTH, sight_of
 
 
 def test_a_frame_and_its_features_come_as_they_are() -> None:
@@ -27,14 +26,3 @@ def test_a_frame_and_its_features_come_as_they_are() -> None:
 def test_no_features_and_small_frames_are_told() -> None:
     sight = sight_of(np.full((90, 160, 3), 200, np.uint8), np.zeros((0, 2)))
     assert sight.picture.shape == (90, 160, 3) and sight.places.shape == (0, 2)
-
-
-def test_not_every_frame_is_told(monkeypatch) -> None:
-    now = [100.0]
-    monkeypatch.setattr(steps.time, "monotonic", lambda: now[0])
-    told: list[Sight] = []
-    watch = Watch(told.append)
-    for _ in range(100):
-        watch(np.zeros((9, 16, 3), np.uint8), np.zeros((0, 2)))
-        now[0] += steps.EVERY / 10
-    assert 9 <= len(told) <= 11

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache, partial
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from addon.core.base.store import Store
-from addon.core.frame.clip_context import no_picture
 from addon.core.subjects.carried import CarriedSubject
 from addon.core.subjects.cut import carries
-from addon.core.subjects.flow import change_of_size
 from addon.core.subjects.found_subjects import distinct, found_people
 from addon.core.subjects.networks import Networks
-from addon.core.subjects.odds import Box, motion, overlap
+from addon.core.subjects.odds import overlap
 from addon.core.subjects.people import people
 from addon.core.subjects.pictures import ClipPictures, small
 from addon.core.subjects.standing import SubjectDistance
@@ -79,11 +74,6 @@ def test_a_stroke_is_carried_both_ways_by_motion_alone(pictures: ClipPictures, n
     assert min(found) > 0.8, found
 
 
-def test_a_click_marks_a_subject(pictures: ClipPictures, no_networks: Networks) -> None:
-    click = Stroke(5, (((150 + 9 * 4) / WIDTH, 0.48),))
-    assert overlap(CarriedSubject(pictures, no_networks, (click,)).mask(5), disc(4)) > 0.8
-
-
 def test_a_first_cut_is_shown_before_frames_beside_it_settle_it(
     pictures: ClipPictures, no_networks: Networks
 ) -> None:
@@ -91,20 +81,6 @@ def test_a_first_cut_is_shown_before_frames_beside_it_settle_it(
     first, settled = subject.masks(5)
     assert overlap(first, disc(4)) > 0.7 and np.array_equal(settled, subject.mask(5))
     assert len(list(subject.masks(6))) == len(list(subject.masks(5))) == 1
-
-
-def test_a_correction_begins_with_what_was_carried(pictures: ClipPictures, no_networks: Networks) -> None:
-    asked = list[tuple[Stroke, ...]]()
-    before = CarriedSubject(pictures, no_networks, (stroke(5),))
-
-    def carried(strokes: tuple[Stroke, ...]) -> CarriedSubject:
-        asked.append(strokes)
-        return before
-
-    corner = Stroke(7, ((0.9, 0.9), (0.95, 0.9)), adds=False)
-    after = CarriedSubject(pictures, no_networks, (*before.strokes, corner), carried)
-    assert overlap(after.mask(7), before.mask(7)) > 0.9
-    assert asked == [before.strokes]
 
 
 def test_a_later_stroke_corrects_and_keeps_the_rest(pictures: ClipPictures, no_networks: Networks) -> None:
@@ -158,33 +134,6 @@ def test_a_subject_that_leaves_the_picture_is_not_seen(no_networks: Networks) ->
     assert not subject.cut(15).is_seen
 
 
-def test_only_frames_near_the_marked_one_are_read(no_networks: Networks) -> None:
-    read = set[int]()
-
-    def reading(frame: int) -> np.ndarray:
-        read.add(frame)
-        return picture(frame - 40, (200, 60, 60))
-
-    subject = CarriedSubject(ClipPictures(tuple(range(1, 81)), reading), no_networks, (stroke(1),))
-    far = replace(subject, strokes=(replace(stroke(1), frame=40),))
-    assert overlap(far.mask(42), disc(2)) > 0.8
-    assert read <= set(range(35, 50))
-
-
-def test_motion_separates_what_colours_do_not() -> None:
-    mask = disc(3)
-    flow = np.zeros((HEIGHT, WIDTH, 2), np.float32)
-    flow[..., 0] = np.where(mask, 9, 2)
-    grown = cv2.dilate(mask.astype(np.uint8), np.ones((25, 25), np.uint8)) > 0
-    odds = motion(flow, grown)
-    assert (odds[mask] > 2).all() and (odds[~mask] < -2).all()
-
-
-def test_motion_says_nothing_where_all_moves_alike() -> None:
-    flow = np.full((HEIGHT, WIDTH, 2), 3, np.float32)
-    assert np.abs(motion(flow, disc(3))).max() < 0.01
-
-
 def test_a_vehicle_carries_its_rider_and_the_ground_carries_nobody() -> None:
     rider, vehicle, ground = (np.zeros((90, 120), np.uint8) for _ in range(3))
     cv2.circle(rider, (60, 30), 9, 1, -1)
@@ -195,21 +144,6 @@ def test_a_vehicle_carries_its_rider_and_the_ground_carries_nobody() -> None:
     assert not carries(vehicle > 0, vehicle > 0)
     assert not carries((ground | rider) > 0, rider > 0)
     assert not carries(None, rider > 0)
-
-
-def test_a_box_is_a_square_within_the_picture() -> None:
-    mask = np.zeros((HEIGHT, WIDTH), bool)
-    mask[250:288, 480:512] = True
-    box = Box.around(mask, 2.0)
-    assert (box.right, box.bottom) == (WIDTH, HEIGHT)
-    assert box.right - box.left == box.bottom - box.top == 76
-
-
-def test_size_grows_as_flow_says() -> None:
-    y, x = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
-    flow = 0.03 * np.dstack([x - 200, y - 150])
-    scale = change_of_size(flow, np.ones((HEIGHT, WIDTH), np.float32), disc(5), 1)
-    assert scale == pytest.approx(1.03, abs=0.002)
 
 
 def test_distances_follow_size_and_ignore_a_wrong_contact() -> None:
@@ -237,44 +171,6 @@ def test_distances_follow_size_and_ignore_a_wrong_contact() -> None:
     found = SubjectDistance(clip, lambda frame: square_in(frame), contacts)
     for frame in clip.frames:
         assert found.inverse_depth(frame) == pytest.approx(truth[frame], rel=0.02)
-
-
-def test_feet_estimated_above_the_head_do_not_count() -> None:
-    frames = tuple(range(1, 17))
-    x, y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
-    cut_off = np.asarray((abs(x - 256) < 60) & (y > HEIGHT // 2))
-
-    def feet(frame: int, mask: np.ndarray) -> np.ndarray:
-        return np.array([0.5, 0.1 if frame < 6 else 1.2])
-
-    clip = ClipPictures(frames, lambda frame: texture(5, (140, 110, 100)))
-    found = SubjectDistance(clip, lambda frame: cut_off, lambda frames: dict.fromkeys(frames, 0.2), feet=feet)
-    assert found.inverse_depth(1) == pytest.approx(0.2)
-
-
-def test_kept_sizes_need_no_picture(tmp_path: Path) -> None:
-    def size(clip: ClipPictures) -> list[float | None]:
-        def square(frame: int) -> np.ndarray:
-            x, y = np.meshgrid(np.arange(WIDTH) - 256, np.arange(HEIGHT) - 144)
-            return np.asarray(np.maximum(abs(x), abs(y)) < 55 + 2 * frame)
-
-        store = Store(tmp_path, lambda: "key")
-        found = SubjectDistance(
-            clip, square, lambda frames: dict.fromkeys(frames, 0.2), store=store, name="moving-a-sizes"
-        )
-        return [found.inverse_depth(frame) for frame in clip.frames]
-
-    frames = tuple(range(1, FRAMES + 1))
-    assert size(ClipPictures(frames, lambda frame: picture(frame - 1))) == size(
-        ClipPictures(frames, no_picture)
-    )
-
-
-def test_without_a_contact_no_distance_is_known() -> None:
-    clip = ClipPictures((1, 2), lambda frame: texture(5, (140, 110, 100)))
-
-    found = SubjectDistance(clip, lambda frame: disc(0), lambda frames: {})
-    assert found.inverse_depth(1) is None
 
 
 def test_people_are_found_and_followed_and_nobody_in_a_texture() -> None:

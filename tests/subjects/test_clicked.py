@@ -18,7 +18,7 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.subjects.clip_subjects import ClipSubject, ClipSubjects
 from addon.core.subjects.cut import Cut
 from addon.core.subjects.networks import Networks
-from addon.core.subjects.strokes import MarkedSubject, Stroke
+from addon.core.subjects.strokes import MarkedSubject
 
 from . import walls
 from .walls import HEIGHT, LENS, WIDTH, disc, filmed, overlap, place
@@ -76,22 +76,6 @@ def test_a_click_on_another_one_marks_all_of_it() -> None:
     for mask in seen:
         assert np.array_equal(mask, marked.parts.named("Disc").mask(FRAME))
     assert len(seen) == 2
-
-
-class Unwanted(ClipSubjects):
-    """Subjects of a clip whose objects nobody may look for."""
-
-    @property
-    def objects(self) -> list[ClipSubject]:  # type: ignore[override]
-        raise AssertionError
-
-
-def test_a_click_on_a_person_does_not_wait_for_objects(clip: walls.Filmed) -> None:
-    seen = Unwanted(clip.reconstruction, clip.read, networks=Networks(walls.NONE))
-    person = seen.marked(MarkedSubject("person 1", (Stroke(FRAME, (at(FRAME),)),)))
-    vars(seen)["people"] = [replace(person, kind="person")]
-    found = replace(clip, known_subjects=seen).subject_at(FRAME, *at(FRAME))
-    assert found is not None and found.name == "person 1"
 
 
 def test_a_click_on_a_small_part_that_was_found_marks_the_whole(clip: walls.Filmed) -> None:

@@ -4,27 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 from addon.core.base.arrays import Bytes, Floats, Mask
-from addon.core.camera.reconstruction import Reconstruction
-from addon.core.depth.ground_contact import Plane
-from addon.core.depth.multi_view_stereo import DenseDepth
-from addon.core.depth.subject_depth import with_subjects
-from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import HighlightSettings
-from addon.core.media.clip import open_footage
-from addon.core.subjects.clip_subjects import ClipSubject
-from addon.core.subjects.cut import Cut
-from addon.core.subjects.networks import Networks
 from addon.core.subjects.standing import Standing
 
 from ..scenes import texture
-from ..solving import solve
 from . import walls
 from .street import CAMERA, EYE, Street, person
 
@@ -87,73 +76,3 @@ def test_a_person_cut_off_by_the_border_stands_on_the_ground_below_the_picture(d
     assert person(distance, 0)[-1].any()
     found = standing.inverse_depths(lambda frame: person(distance, frame), [0, 1])
     assert found == {frame: pytest.approx(1 / distance, rel=0.03) for frame in (0, 1)}
-
-
-def test_feet_behind_the_hidden_scene_are_wrong() -> None:
-    standing = Standing(
-        Street(), lambda frame: person(2.0, frame), lambda frame, subject: np.array([0.5, 0.4])
-    )  # type: ignore[arg-type]
-    assert standing.inverse_depths(lambda frame: person(2.0, frame), [0]) == {}
-
-
-def cropped(solved: Reconstruction, rows: int) -> Reconstruction:
-    """A reconstruction of the upper rows of each picture."""
-    seen = [(image, image.xy[:, 1] < rows) for image in solved.images]
-    return replace(
-        solved,
-        cameras=tuple(replace(camera, height=rows) for camera in solved.cameras),
-        images=tuple(replace(image, xy=image.xy[on], points=image.points[on]) for image, on in seen),
-    )
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    "name",
-    [
-        "person_walk_away_1",
-        # No ground is in the picture above the waist.
-        pytest.param("person_ball_portrait_1", marks=pytest.mark.xfail(strict=True)),
-        pytest.param("person_dance_davis_1", marks=pytest.mark.xfail(strict=True)),
-    ],
-)
-def test_a_real_person_is_as_far_away_when_seen_from_the_waist_up(
-    data: Path, tmp_path: Path, name: str
-) -> None:
-    if not Networks().exist:
-        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
-    footage = open_footage(data / "clips" / f"{name}.mp4")
-    solved = solve(footage.path, tmp_path / "work").reconstruction
-    whole = ClipContext(solved, footage.read)
-    person = whole.parts.people[0]
-    masks = [mask for frame in map(int, solved.frames[::8]) if (mask := person.mask(frame)).any()]
-    rows = [np.flatnonzero(mask.any(axis=1)) / len(mask) for mask in masks]
-    waist = round(float(np.median([(each[0] + each[-1]) / 2 for each in rows])) * solved.cameras[0].height)
-    upper = ClipContext(cropped(solved, waist), lambda frame: footage.read(frame)[:waist])
-    pictures = upper.parts.subjects.pictures
-
-    def mask(frame: int) -> Mask:
-        there = person.mask(frame).astype(np.uint8)
-        there = there[: round(len(there) * waist / solved.cameras[0].height)]
-        size = pictures.picture(frame).shape[1::-1]
-        return np.asarray(cv2.resize(there, size, interpolation=cv2.INTER_NEAREST) > 0)
-
-    def cut(frame: int) -> Cut:
-        return Cut.known(pictures.picture(frame), mask(frame).astype(np.float32), 1.0)
-
-    subject = ClipSubject("person", "person", cut)
-    upper.parts.subjects.__dict__.update(people=[subject], objects=[])
-    one, other = (context.parts.distance(each) for context, each in ((whole, person), (upper, subject)))
-    pairs = [(one.inverse_depth(frame), other.inverse_depth(frame)) for frame in map(int, solved.frames[::8])]
-    ratios = [a / b for a, b in pairs if a and b]
-    assert len(ratios) > 4 and min(ratios) > 0.85 and max(ratios) < 1.15
-
-
-def test_in_one_picture_one_that_is_cut_off_is_nearer_than_what_is_beside_it() -> None:
-    rows = np.arange(CAMERA.height) + 0.5 - CAMERA.cy
-    inverse = np.repeat(np.maximum(rows / CAMERA.fy / EYE, 0.05)[:, None], CAMERA.width, 1).astype(np.float32)
-    mask = person(2.0, 0)
-    sure = np.where(mask, 0, 1).astype(np.float32)
-    static = DenseDepth(1, inverse, sure, mask, CAMERA)
-    found = with_subjects(static, np.full((*mask.shape, 3), 90, np.uint8), [])
-    border = float(Plane(np.array([0, 1 / EYE, 0])).inverse_depth(CAMERA.rays(np.array([[160.0, 180]])))[0])
-    assert border < found.inverse_depth[mask].min() <= found.inverse_depth[mask].max() < 1.4 * border

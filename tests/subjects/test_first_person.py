@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -15,7 +14,7 @@ from addon.core.base.errors import UserError
 from addon.core.base.store import Store
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
-from addon.core.frame.first_person import middle_of, nearest_subject
+from addon.core.frame.first_person import nearest_subject
 from addon.core.frame.moving_parts import MovingParts
 from addon.core.frame.nearest_person import _weights, nearest_person
 from addon.core.media.clip import open_footage
@@ -27,7 +26,6 @@ from addon.core.subjects.pictures import displayed, small
 from addon.core.subjects.strokes import MarkedSubject, Stroke, down, nearest_to
 
 from . import walls
-from .figures import figure
 from .walls import HEIGHT, WIDTH
 
 NONE = Networks(Path("none"))
@@ -188,38 +186,6 @@ def test_a_stroke_corrects_the_person_it_is_beside() -> None:
     assert nearest_to(Stroke(5, ((x, 0.0), (x, 30 / HEIGHT))), masks) is None
     assert nearest_to(Stroke(5, ((x - 45 / WIDTH, 60 / HEIGHT),)), masks) == "late"
     assert nearest_to(Stroke(5, ((0.5, 0.5),)), {"nobody": np.zeros((HEIGHT, WIDTH), bool)}) is None
-
-
-def test_the_middle_of_a_person_is_on_it() -> None:
-    ring = cv2.circle(np.zeros((60, 80), np.uint8), (40, 30), 20, 1, 4) > 0
-    x, y = middle_of(ring)
-    assert ring[int(y * 60), int(x * 80)]
-
-
-def test_without_a_face_there_is_none() -> None:
-    """The drawn person has a head and no face."""
-    person = (np.abs(figure().astype(int) - figure()[0, 0]).sum(axis=2)) > 30
-    assert face_of(Networks(), figure(), person) is None
-
-
-class OneFace(Networks):
-    """Finds a face in the left upper corner of each picture."""
-
-    exist = True
-
-    def faces(self, picture: Bytes, least: float) -> list[Detection]:
-        return [Detection(1.0, np.array([2.0, 2.0, 18.0, 18.0]), np.zeros((6, 2)))]
-
-
-def test_a_face_is_a_part_of_a_person() -> None:
-    clip = walls.filmed(walls.still)
-    crowd = Crowd(clip.reconstruction, clip.read)
-    far = crowd.parts.people[list(NAMES).index("far")]
-    subjects = ClipSubjects(clip.reconstruction, clip.read, networks=OneFace())
-    rows, columns = np.nonzero(far.mask(2))
-    for below, is_face in ((10, True), (60, False)):
-        x, y = (columns.min() + 10) / WIDTH, (rows.min() + below) / HEIGHT
-        assert subjects.shows_face(far, 2, x, y) == is_face
 
 
 def test_a_face_is_found_on_a_person(data: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.arrays import Bytes, Mask
-from addon.core.base.store import NOT_KEPT, Store
+from addon.core.base.store import Store
 from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.frame.clip_context import no_picture
@@ -22,7 +22,7 @@ from addon.core.subjects.networks import Networks
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 
 from . import walls
-from .walls import FRAMES, HEIGHT, WIDTH, disc, filmed, moving, place
+from .walls import FRAMES, HEIGHT, WIDTH, filmed, moving, place
 
 
 def test_a_pole_that_the_border_cuts_in_a_few_frames_is_no_subject() -> None:
@@ -45,11 +45,6 @@ def test_a_marked_subject_is_carried_where_no_subjects_are_found() -> None:
     stroke = Stroke(16, ((x, y), (x + 0.05, y + 0.1)))
     marked = replace(filmed(walls.still), marked=(MarkedSubject("wall", (stroke,)),))
     assert moving(marked, 16).any()
-
-
-def test_masks_count_where_no_subjects_are_found() -> None:
-    said = replace(filmed(walls.still), masks=lambda frame: disc(frame).astype(np.float32))
-    np.testing.assert_array_equal(moving(said, 9), disc(9))
 
 
 def subjects(shown: Callable[[int], Bytes], store: Store) -> ClipSubjects:
@@ -85,36 +80,9 @@ def test_a_mark_replaces_an_object() -> None:
     assert marked((0.02, 0.9), (0.05, 0.95)) == ["disc", "object 1"]
 
 
-def test_photos_and_single_frames_have_no_moving_objects() -> None:
-    clip = filmed(walls.with_disc)
-    assert gate.moves(list(gate.moving_tracks(clip.reconstruction, clip.read)))
-    assert not list(gate.moving_tracks(replace(clip.reconstruction, is_ordered=False), no_picture))
-    single = replace(clip.reconstruction, images=clip.reconstruction.images[:1])
-    assert not list(gate.moving_tracks(single, clip.read))
-
-
 def still(places: np.ndarray, moved: float = 0.0) -> np.ndarray:
     """Tracks (n, 3, 2) through places (n, 2), shares of the width, that move to the right in each frame."""
     return places[:, None] + np.array([[-moved, 0], [0, 0], [moved, 0]])
-
-
-def test_tracks_near_each_other_are_a_group() -> None:
-    square = np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2) * 0.04
-    tracks = still(np.concatenate([0.1 + square, 0.5 + square, [[0.95, 0.1]]]))
-    found = gate.MovingTracks(1, tracks, (HEIGHT, WIDTH)).groups()
-    assert [len(group) for group in found] == [16, 16]
-    np.testing.assert_allclose(found[1], (0.5 + square) * [1, WIDTH / HEIGHT])
-    assert gate.MovingTracks(1, np.zeros((0, 3, 2)), (HEIGHT, WIDTH)).groups() == []
-
-
-def test_parts_of_an_object_that_something_hides_are_a_group_if_they_move_alike() -> None:
-    part = np.stack(np.meshgrid(np.arange(2), np.arange(3)), axis=-1).reshape(-1, 2) * 0.04
-    lost = still(part + np.array([0.25, 0.1]), 0.02)
-    lost[:, 0] = np.nan
-    alike = np.concatenate([still(part + 0.1, 0.02), lost])
-    assert [len(each) for each in gate.MovingTracks(1, alike, (HEIGHT, WIDTH)).groups()] == [12]
-    apart = np.concatenate([still(part + 0.1, 0.02), still(part + np.array([0.25, 0.1]), 0.01)])
-    assert gate.MovingTracks(1, apart, (HEIGHT, WIDTH)).groups() == []
 
 
 def sampled(frame: int, left: int, right: int) -> gate.MovingTracks:
@@ -169,24 +137,3 @@ def test_a_track_that_one_point_explains_is_still_at_any_depth() -> None:
     lenses = [walls.LENS] * len(FRAMES)
     found = gate.still_residuals(tracks, clip.reconstruction.images, lenses, here)
     assert found[:2] == pytest.approx(0, abs=0.01) and found[2] > 5 and np.isnan(found[3])
-
-
-def test_a_single_track_among_still_ones_is_no_object() -> None:
-    places = np.stack(np.meshgrid(np.arange(20, 220, 6.0), np.arange(20, 140, 6.0)), axis=-1)
-    places = places.reshape(-1, 2).astype(np.float32)
-    residual = np.full(len(places), 0.1)
-    residual[::40] = 9.0
-    assert not gate.on_moving_objects(places, residual, (HEIGHT, WIDTH)).any()
-    x, y = place(16)
-    inside = np.linalg.norm(places - (x, y), axis=1) < 25
-    residual[inside] = 9.0
-    found = gate.on_moving_objects(places, residual, (HEIGHT, WIDTH))
-    assert found.sum() >= gate.TRACKS and not found[~inside].any()
-
-
-def flat(frame: int) -> Bytes:
-    return np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
-
-
-def test_a_picture_without_corners_has_no_moving_objects() -> None:
-    assert subjects(flat, NOT_KEPT).objects == []

@@ -47,17 +47,6 @@ def test_two_objects_that_meet_are_another_object() -> None:
     assert len(apart) == 2 and len(together) == 1 and together[0] not in apart
 
 
-def test_frames_without_a_mask_interrupt_nothing() -> None:
-    objects = made([boxes((10, 10)), None, boxes(), boxes((16, 10))])
-    assert list(objects.numbers) == [1]
-    assert objects.small(1, 4).any() and not objects.small(1, 2).any()
-    assert not objects.whole(1)(2).any() and not objects.whole(1)(3).any()
-
-
-def test_masks_without_anything_have_no_objects() -> None:
-    assert not list(made([None, boxes()]).numbers)
-
-
 def test_specks_belong_to_the_nearest_object() -> None:
     mask = boxes((10, 10), (130, 60))
     mask[:4, 300:304] = True

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.subjects.networks import FAR_FACES, POSES, Networks, Region, decoded
+from addon.core.subjects.networks import Networks, Region
 from tests.conftest import ROOT
 
 from .figures import figure
@@ -32,29 +32,6 @@ def test_the_files_are_those_that_the_code_loads(networks: Networks) -> None:
     assert (OUT / "LICENSE.txt").is_file() and (OUT / "NOTICE.txt").is_file()
 
 
-@pytest.mark.parametrize(("anchors", "count"), [(POSES, 2254), (FAR_FACES, 2304)])
-def test_there_is_an_anchor_for_each_detection_of_a_network(anchors: object, count: int) -> None:
-    assert len(anchors.centres) == count  # type: ignore[attr-defined]
-
-
-def test_decoding_returns_the_box_that_was_encoded() -> None:
-    """Two anchors that see one face, and one that sees another, in a picture twice as wide as high."""
-    raw, scores = np.zeros((2304, 16), np.float32), np.full(2304, -20, np.float32)
-    side, corner = 400, np.array([0, 100])
-
-    def encode(anchor: int, centre: tuple[float, float], score: float) -> None:
-        at = (np.array(centre) + corner) / side - FAR_FACES.centres[anchor]
-        raw[anchor, :2], raw[anchor, 2:4] = at * 192, 50 / side * 192
-        raw[anchor, 4:6], scores[anchor] = at * 192, score
-
-    encode(1000, (120, 80), 3.0)
-    encode(1001, (120, 80), 1.0)
-    encode(1500, (300, 150), 2.0)
-    found = decoded(raw, scores, FAR_FACES, 0.5, corner, side)
-    assert [tuple(each.box.round(2)) for each in found] == [(95, 55, 145, 105), (275, 125, 325, 175)]
-    assert np.allclose(found[0].points[0], (120, 80), atol=0.01)
-
-
 def test_nothing_is_detected_in_a_plain_picture(networks: Networks) -> None:
     plain = np.full((180, 320, 3), 128, np.uint8)
     assert not networks.poses(plain, 0.3)
@@ -76,14 +53,6 @@ def test_a_figure_is_detected_and_its_mask_covers_it(networks: Networks) -> None
     again, presence, _ = networks.body(picture, after)
     union = np.count_nonzero((again > 0.5) | (mask > 0.5))
     assert presence > 0.5 and np.count_nonzero((again > 0.5) & (mask > 0.5)) / union > 0.85
-
-
-def test_a_region_maps_its_centre_and_its_upper_rim() -> None:
-    region = Region(np.array([100.0, 50.0]), 80.0, np.array([0.6, -0.8]))
-    turned = region.to_square(256)
-    assert np.allclose(turned @ [100, 50, 1], (128, 128))
-    above = region.centre + region.up * 40
-    assert np.allclose(turned @ [*above, 1], (128, 0))
 
 
 def test_a_build_without_networks_reports_so(tmp_path: object) -> None:

@@ -92,14 +92,6 @@ def test_a_click_cuts_an_object_out_of_all_frames_in_any_order(tmp_path: Path) -
         np.testing.assert_array_equal(followed(path, click).mask(frame), masks[frame])
 
 
-def test_a_click_beside_everything_salient_is_cut_out_without_the_network(tmp_path: Path) -> None:
-    beside = (Stroke(15, ((0.1, 0.1),)),)
-    found = followed(write(tmp_path / "own.onnx", red()), beside).mask(15)
-    np.testing.assert_array_equal(
-        found, CarriedSubject(ClipPictures(FRAMES, shown), Networks(NONE), beside)._first(15)[0].mask
-    )
-
-
 def test_pixels_under_a_stroke_that_takes_away_are_not_the_subjects(tmp_path: Path) -> None:
     x, y = place(8)
     adds = Stroke(8, ((x / WIDTH, y / HEIGHT),))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from addon.core.base.arrays import Mask
@@ -18,11 +17,6 @@ def standing(*blind: int) -> Standing:
 def test_a_subject_is_as_far_as_the_ground_below_it() -> None:
     found = standing().inverse_depths(lambda frame: person(4.0, frame), [0, 1, 2])
     assert found == {frame: pytest.approx(1 / 4, rel=0.02) for frame in (0, 1, 2)}
-
-
-def test_a_frame_without_a_plane_takes_that_of_another_one() -> None:
-    found = standing(0, 2).inverse_depths(lambda frame: person(4.0 + frame / 2, frame), [0, 1, 2])
-    assert found == {frame: pytest.approx(1 / (4.0 + frame / 2), rel=0.03) for frame in (0, 1, 2)}
 
 
 def test_without_a_plane_a_subject_is_as_far_as_what_is_beneath_its_feet() -> None:
@@ -63,8 +57,3 @@ def test_unsteady_contact_with_the_ground_contradicts_no_feature_points() -> Non
 
     found = Standing(street, mask).inverse_depths(mask, range(4))  # type: ignore[arg-type]
     assert found == {frame: pytest.approx(1 / 5.0, rel=0.03) for frame in range(4)}
-
-
-def test_without_feet_nothing_is_known() -> None:
-    assert standing().inverse_depths(lambda frame: person(2.0, frame), [0]) == {}
-    assert standing().inverse_depths(lambda frame: np.zeros_like(person(4.0, 0)), [0]) == {}

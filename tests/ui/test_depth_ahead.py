@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import bpy
 import pytest
 
-from addon.core.base.messages import Progress
 from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
@@ -18,7 +16,6 @@ from addon.scene.sources.clip import footage_path, work_dir
 from addon.scene.sources.shot import shot_of
 from addon.scene.sources.subjects import set_marked
 from addon.ui import panels
-from addon.ui.base import text
 from addon.ui.footage.solve import build_scene
 from addon.ui.jobs import depth_ahead
 
@@ -162,28 +159,6 @@ def test_a_file_saved_elsewhere_keeps_its_working_folder(scene: bpy.types.Scene,
     assert settings.finds_depth and work_dir(settings, footage_path(settings)) == work.resolve()
     settings.clip_name = "another.mp4"
     assert work_dir(settings, footage_path(settings)).parent == elsewhere.parent.resolve()
-
-
-def test_how_long_it_will_still_take(
-    scene: bpy.types.Scene, work: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    now = 100.0
-    monkeypatch.setattr(time, "monotonic", lambda: now)
-    found = depth_ahead._ahead = depth_ahead.DepthAhead(work)
-    found.is_running = True
-    for now, done in ((100.0, 10), (110.0, 12)):  # noqa: B007  `monotonic` reads it
-        found._messages.append(Progress("depth", done, 20))
-        assert found.poll()
-    # Two frames in ten seconds, and eight to go: those that were there already took no time.
-    texts = draw(panels.main.VIRTUAL_APERTURE_PT_main).texts
-    depth_ahead._ahead = None
-    assert "Depth: 12 of 20 frames" in texts and "About 40 s left" in texts
-
-
-def test_time_left_is_short() -> None:
-    words = [text.left_words(seconds) for seconds in (None, 0.2, 61, 91, 3599, 7500)]
-    assert words[:3] == ["", "About 0 s left", "About 61 s left"]
-    assert words[3:] == ["About 2 min left", "About 1 h 00 min left", "About 2 h 05 min left"]
 
 
 def test_a_process_that_dies_is_told(scene: bpy.types.Scene, work: Path) -> None:

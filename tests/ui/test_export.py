@@ -11,7 +11,6 @@ import pytest
 from addon.core.base.worker import tend
 from addon.core.media.clip import open_footage
 from addon.scene.build import build
-from addon.scene.sources.clip import footage_path, work_dir
 from addon.ui.jobs import export
 
 from ..recorder import Recorder
@@ -106,17 +105,3 @@ def test_blender_exports_the_solved_camera(scene: bpy.types.Scene, clip: Path, k
         for row, expected in zip(back.matrix_world, place, strict=True):
             assert tuple(row) == pytest.approx(tuple(expected), abs=1e-4)
     assert back.data.lens / back.data.sensor_width == pytest.approx(lens / camera.data.sensor_width, rel=1e-4)
-
-
-def test_depth_goes_on_after_an_export_in_the_same_file_alone(
-    scene: bpy.types.Scene, clip: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    settings, begun = scene.virtual_aperture, list[Path]()
-    monkeypatch.setattr(export.depth_ahead, "begin_after_solve", begun.append)
-    here = work_dir(settings, footage_path(settings))
-    for depth in (clip / "of another file", here):
-        made = export.ExportJob(clip / "out")
-        made.depth = depth
-        monkeypatch.setattr(export.ExportJob, "last", made)
-        assert export._tick() is None
-    assert begun == [here]

@@ -15,7 +15,6 @@ from addon.ui.footage import file_import
 from .. import planes
 from ..foreign_models import write_clip, write_model
 from ..in_blender import choose_clip
-from ..recorder import Recorder
 from ..scenes import slanted_shot, write_frames
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
@@ -136,9 +135,3 @@ def test_viewports_take_what_the_operators_do(scene: bpy.types.Scene) -> None:
         for area in bpy.context.screen.areas:
             with bpy.context.temp_override(area=area):
                 assert handler.poll_drop(bpy.context) == (area.type == "VIEW_3D")
-
-
-def test_file_import_has_both(scene: bpy.types.Scene) -> None:
-    layout = Recorder()
-    file_import._draw_menu(type("Menu", (), {"layout": layout})(), bpy.context)
-    assert layout.operators == ["virtual_aperture.import_clip", "virtual_aperture.import_solve"]

@@ -19,23 +19,6 @@ from addon.ui.focus.focus_strip import GAP, SIDE, Strip, spread
 from ..scenes import LENS, slanted_shot
 
 
-def test_what_has_room_stays_where_it_is() -> None:
-    assert spread([10, 100, 300], 70, 0, 400).tolist() == [10, 100, 300]
-
-
-def test_what_would_cover_each_other_moves_apart_evenly() -> None:
-    assert spread([200, 200], 60, 0, 400).tolist() == [170, 230]
-    assert spread([100, 110, 300], 60, 0, 400).tolist() == [75, 135, 300]
-
-
-def test_the_ends_hold_it() -> None:
-    assert spread([0, 5], 60, 0, 400).tolist() == [0, 60]
-    assert spread([399, 400], 60, 0, 400).tolist() == [340, 400]
-    # Where there is no room for all, they share what there is.
-    assert spread([1, 2, 3, 4, 5], 60, 0, 120).tolist() == [0, 30, 60, 90, 120]
-    assert spread([], 60, 0, 120).tolist() == []
-
-
 def test_it_is_the_nearest_that_can_be() -> None:
     rng = np.random.default_rng(1)
     for _ in range(20):

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import pytest
 
 import addon
 from addon.core.base.errors import Remedy
@@ -146,36 +145,24 @@ def test_a_way_out_has_the_name_of_what_it_leads_to(registered: None) -> None:
     assert words - set(shown()) == set()
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.stem)
-def test_no_message_has_a_retired_word(path: Path) -> None:
-    assert [found for text in written(path) for found in _retired(text)] == []
-    assert [text for text in written(path) if text in RETIRED_NAMES] == []
+def test_no_message_has_a_retired_word() -> None:
+    texts = [(path.name, text) for path in SOURCES for text in written(path)]
+    assert [(name, found) for name, text in texts for found in _retired(text)] == []
+    assert [(name, text) for name, text in texts if text in RETIRED_NAMES] == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
-def test_no_page_has_a_retired_name(page: Path) -> None:
-    italics = {" ".join(each.split()) for each in re.findall(r"(?<!\*)\*([^*|]+?)\*(?!\*)", page.read_text())}
-    assert sorted(italics & set(RETIRED_NAMES)) == []
+def test_no_page_has_a_retired_name() -> None:
+    for page in PAGES:
+        found = re.findall(r"(?<!\*)\*([^*|]+?)\*(?!\*)", page.read_text())
+        assert {" ".join(each.split()) for each in found}.isdisjoint(RETIRED_NAMES), page
 
 
-@pytest.mark.parametrize("page", GUIDES, ids=lambda path: path.stem)
-def test_no_guide_has_a_retired_word(page: Path) -> None:
-    text = re.sub(r"^```\n.*?^```", "", page.read_text(), flags=re.M | re.S)
-    # Commands and files are called what they are called.
-    sentences = re.split(r"(?<=[.:;|])\s", " ".join(re.sub(r"`[^`]+`", "", text).split()))
-    assert [found for each in sentences for found in _retired(each)] == []
-
-
-@pytest.mark.parametrize(
-    "retired", ["a lamp", "this is no clip", "it is not there any more", "it moves by itself"]
-)
-def test_what_is_retired_is_told(retired: str) -> None:
-    assert _retired(retired)
-
-
-@pytest.mark.parametrize("good", ["it is no longer", "no more than", "a video, for which", "clamped"])
-def test_what_is_not_retired_is_left_alone(good: str) -> None:
-    assert not _retired(good)
+def test_no_guide_has_a_retired_word() -> None:
+    for page in GUIDES:
+        text = re.sub(r"^```\n.*?^```", "", page.read_text(), flags=re.M | re.S)
+        # Commands and files are called what they are called.
+        sentences = re.split(r"(?<=[.:;|])\s", " ".join(re.sub(r"`[^`]+`", "", text).split()))
+        assert [found for each in sentences for found in _retired(each)] == [], page
 
 
 def table_of_messages(*options: str) -> list[str]:

@@ -11,7 +11,6 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.base.messages import Progress
 from addon.core.base.worker import tend
 from addon.core.media.clip import open_footage
 from addon.render.output.output import crop_to_even
@@ -156,25 +155,6 @@ def test_nothing_stays_of_a_movie_that_is_cancelled(
     assert bpy.ops.virtual_aperture.cancel_movie() == {"FINISHED"}
     until(lambda: tend() or not made.out.parent.exists())
     assert files(tmp_path) == before and shown().texts == []
-
-
-def test_a_movie_shows_what_it_waits_for_and_can_be_cancelled_then(
-    scene: bpy.types.Scene, clip: Path, tmp_path: Path
-) -> None:
-    before, said = files(tmp_path), list[str]()
-    scene.virtual_aperture.views = SLOW
-    made = movie.begin(scene, movie.movie_path(scene), False)
-    assert shown().texts == ["Starting Blender"]
-
-    def is_drawing() -> bool:
-        said.extend(each.stage for each in made.poll() if isinstance(each, Progress))
-        return bool(said) and said[-1].endswith("%, first frame")
-
-    until(is_drawing)
-    assert said[0] == "Opening the clip" and made.done == 0
-    assert shown().texts == [said[-1]] and shown().operators == ["virtual_aperture.cancel_movie"]
-    assert bpy.ops.virtual_aperture.cancel_movie() == {"FINISHED"}
-    until(lambda: tend() or files(tmp_path) == before)
 
 
 @pytest.mark.long

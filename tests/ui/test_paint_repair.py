@@ -24,7 +24,7 @@ from addon.scene.sources.shot import shot_of
 from addon.ui import panels
 from addon.ui.picking.paint_repair import VIRTUAL_APERTURE_UL_repairs
 
-from ..cli.tracked_plane import run, work
+from ..cli.solved_clips import run, work
 from ..recorder import Recorder, draw
 from ..scenes import slanted_shot
 

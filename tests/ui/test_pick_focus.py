@@ -17,10 +17,9 @@ from addon.scene.focus import focus_marks
 from addon.scene.lens import lens
 from addon.scene.sources.shot import Shot
 from addon.ui import panels
-from addon.ui.focus.focus_list import VIRTUAL_APERTURE_UL_focus_marks
 
 from .. import planes
-from ..recorder import Recorder, draw
+from ..recorder import draw
 from ..scenes import slanted_plane, slanted_shot, write_plane
 
 LENS = Intrinsics(320, 180, 280.0, 280.0, 160.0, 90.0)
@@ -124,18 +123,6 @@ def test_the_list_is_edited(scene: bpy.types.Scene, shot: Shot, capsys: pytest.C
     assert not frames(scene) and settings.focus_distance == 4.0
 
 
-def test_keys_of_a_typed_distance_are_the_users_own(scene: bpy.types.Scene, shot: Shot) -> None:
-    settings = scene.virtual_aperture
-    for frame, distance in ((1, 4.0), (8, 6.0)):
-        scene.frame_set(frame)
-        settings.focus_distance = distance
-        assert settings.keyframe_insert("focus_distance")
-    assert len(settings.marks.items) == 1
-    shown = draw(panels.focus.VIRTUAL_APERTURE_PT_focus)
-    assert not any("keyframes were" in text for text in shown.texts)
-    assert "virtual_aperture.write_focus_marks" not in shown.operators
-
-
 def test_keys_are_given_back_to_the_marks(scene: bpy.types.Scene, shot: Shot) -> None:
     settings = scene.virtual_aperture
     focus_marks.replace_all(settings, [at(2, 4.0), at(7, 9.0)])
@@ -152,23 +139,6 @@ def test_keys_are_given_back_to_the_marks(scene: bpy.types.Scene, shot: Shot) ->
     scene.frame_set(8)
     assert settings.focus_distance == pytest.approx(9.0)
     assert "virtual_aperture.write_focus_marks" not in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).operators
-
-
-def test_the_panel_tells_of_marks(scene: bpy.types.Scene, shot: Shot) -> None:
-    settings = scene.virtual_aperture
-    focus_marks.replace_all(settings, [at(2, 4.0), at(7, 9.0)])
-    settings.marks.unseen = "3 4 5"
-    shown = draw(panels.focus.VIRTUAL_APERTURE_PT_focus)
-    assert "Hidden in 3 frames" in shown.texts
-    # No focus goes to the first mark.
-    assert {"frame", "holds", "focus_object"} <= set(shown.props) and "easing" not in shown.props
-    settings.marks.active = 1
-    assert {"frame", "easing", "pull", "holds"} <= set(draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props)
-    row = Recorder()
-    VIRTUAL_APERTURE_UL_focus_marks.draw_item(
-        None, bpy.context, row, settings.marks, settings.marks.items[1], 0, settings.marks, "active"
-    )
-    assert row.texts == ["7", "9"] and "name" in row.props
 
 
 def test_a_solve_puts_something_in_focus(

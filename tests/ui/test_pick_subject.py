@@ -9,23 +9,20 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.base import calls
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.repairs import Repair
 from addon.core.media.clip import open_footage
-from addon.core.media.picture_file import Pixels
 from addon.core.subjects.clip_subjects import ClipSubjects
 from addon.core.subjects.networks import Networks
-from addon.core.subjects.strokes import MarkedSubject, Stroke, with_stroke
+from addon.core.subjects.strokes import Stroke
 from addon.scene.build import build
 from addon.scene.lens.repairs import add_repairs
 from addon.scene.sources import subjects
 from addon.scene.sources.shot import Shot, shot_of
 from addon.ui import panels
 from addon.ui.focus.subjects import VIRTUAL_APERTURE_UL_subjects
-from addon.ui.picking.pick_subject import light_up, marked_person, people_of
-from addon.ui.picking.pick_view import INSIDE, OUTLINE, tinted
+from addon.ui.picking.pick_subject import marked_person, people_of
 
 from .. import planes
 from ..recorder import Recorder, draw
@@ -140,31 +137,6 @@ def test_the_panel_lists_subjects(scene: bpy.types.Scene, settings: bpy.types.Pr
     assert not settings.subjects.items[0].unsure
 
 
-FEW = tuple(range(11, 22))
-
-
-def walls_in(scene: bpy.types.Scene, folder: Path) -> bpy.types.PropertyGroup:
-    """A scene with eleven frames of the disc before walls."""
-    pictures = [walls.with_disc(frame)[..., ::-1] for frame in FEW]
-    footage = open_footage(planes.write_clip(folder / "walls", pictures, FEW[0]))
-    return build(scene, footage, walls.filmed(walls.with_disc, FEW).reconstruction)
-
-
-@pytest.mark.long
-def test_a_picked_focus_takes_the_object_that_is_clicked(
-    scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    settings = walls_in(scene, tmp_path)
-    scene.frame_set(FRAME)
-    assert OPERATORS.pick_focus(x=200 / walls.WIDTH, y=140 / walls.HEIGHT) == {"FINISHED"}
-    assert not len(settings.subjects.items) and "In focus at frame 16" in capsys.readouterr().out
-    x, y = walls.place(FRAME)
-    assert OPERATORS.pick_focus(x=x / walls.WIDTH, y=y / walls.HEIGHT) == {"FINISHED"}
-    assert not len(settings.subjects.items) and "In focus at frame 16" in capsys.readouterr().out
-    (mark,) = settings.marks.items
-    assert mark.frame == FRAME and len(mark.places[0].followed) == len(FEW)
-
-
 @pytest.mark.long
 def test_a_subject_is_carried_and_in_focus(
     scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -199,25 +171,6 @@ def shot_with(clip: ClipContext) -> Shot:
     shot = object.__new__(Shot)
     shot.__dict__["context"] = clip
     return shot
-
-
-def test_a_subject_lights_up_from_the_frames_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the static scene, which takes many times as long."""
-    filmed, asked = walls.filmed(walls.with_disc), set[int]()
-
-    def read(frame: int) -> Pixels:
-        asked.add(frame)
-        return filmed.read(frame)
-
-    clip = replace(filmed, read=read)
-    x, y = walls.place(FRAME)
-    line = tuple(((x + dx) / walls.WIDTH, (y + dy) / walls.HEIGHT) for dx, dy in ((-12, -8), (12, 8)))
-    shown: list[object] = []
-    monkeypatch.setattr(calls, "_show", shown.append)
-    lit = light_up(shot_with(clip), MarkedSubject("disc", (Stroke(FRAME, line),)), FRAME)
-    assert shown[-1] is lit
-    assert walls.overlap(lit, walls.disc(FRAME)) > 0.85
-    assert asked <= set(range(FRAME - 2, FRAME + 3))
 
 
 def test_a_person_who_was_found_is_shown_and_taken_over_by_a_correction() -> None:
@@ -256,18 +209,3 @@ def test_a_stroke_leaves_what_is_known_of_the_clip(
     black = np.zeros((LENS.height, LENS.width, 3), np.uint8)
     settings.masks = str(planes.write_clip(tmp_path / "masks", [black] * len(after.footage.frames)))
     assert shot_of(scene).context._subjects is not after.context._subjects
-
-
-def test_a_stroke_that_takes_away_leaves_the_others() -> None:
-    adds, takes = Stroke(1, ((0.5, 0.5),)), Stroke(1, ((0.1, 0.1),), False)
-    other = Stroke(2, ((0.5, 0.5),))
-    assert with_stroke((adds, other), takes) == (adds, other, takes)
-    assert with_stroke((adds, takes, other), adds) == (other, adds)
-    assert with_stroke((adds, takes), adds, extend=True) == (adds, takes, adds)
-
-
-def test_the_outline_of_what_is_lit_up_is_strongest() -> None:
-    mask = np.zeros((9, 9), bool)
-    mask[2:7, 2:7] = True
-    alpha = tinted(mask)[..., 3]
-    assert alpha[0, 0] == 0 and alpha[4, 4] == np.float32(INSIDE) and alpha[2, 4] == OUTLINE

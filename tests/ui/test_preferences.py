@@ -62,16 +62,6 @@ def test_the_cache_folder_takes_working_folders(
     assert work_dir(settings, clips[0]) == tmp_path / "own"
 
 
-def test_a_solve_goes_into_the_cache_folder(
-    scene: bpy.types.Scene, chosen: bpy.types.AddonPreferences, tmp_path: Path
-) -> None:
-    chosen.cache_folder = str(tmp_path / "cache")
-    scene.virtual_aperture.footage = str(write_clip(tmp_path / "clip"))
-    bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
-    assert [folder.parent for folder in (tmp_path / "cache").glob("clip-*.aperture/solve.json")]
-    assert not (tmp_path / "clip.aperture").exists()
-
-
 def test_limits_follow_the_preferences(chosen: bpy.types.AddonPreferences) -> None:
     assert limits.most_kept_depth() == limits.MOST_KEPT_DEPTH
     chosen.threads, chosen.kept_depth = 1, 2.0

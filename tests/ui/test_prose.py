@@ -9,8 +9,6 @@ import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[2]
 CODE = ROOT / "addon"
 
@@ -62,27 +60,8 @@ def banned(text: str) -> list[str]:
 FILES = [path for path in sorted(CODE.rglob("*.py")) if not path.is_relative_to(CODE / "presets")]
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(CODE)))
-def test_docstrings_and_comments_are_plain_english(path: Path) -> None:
-    assert [found for text in prose(path) for found in banned(text)] == []
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["What moves is left out", "Who is beyond is refused", "Measured by eye", "Of the points that are far",
-     "Whether it is", "the mean of what was found", "the map as it is kept, else found"],
-)  # fmt: skip
-def test_banned_constructions_are_found(text: str) -> None:
-    assert banned(text)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "Moving pixels are left out",
-        "Return whether the clip zooms",
-        "Where depth is unknown, the wall is used",
-    ],
-)
-def test_plain_sentences_are_left_alone(text: str) -> None:
-    assert not banned(text)
+def test_docstrings_and_comments_are_plain_english() -> None:
+    found = [
+        (str(path.relative_to(CODE)), each) for path in FILES for text in prose(path) for each in banned(text)
+    ]
+    assert found == []

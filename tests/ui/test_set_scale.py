@@ -11,7 +11,7 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import open_footage
 from addon.scene.build import build
-from addon.scene.lens import depth_of_field, scale
+from addon.scene.lens import scale
 from addon.scene.sources.shot import Shot
 
 from ..scenes import slanted_plane, slanted_shot, write_plane
@@ -100,18 +100,3 @@ def test_how_far_the_subject_is_away_is_the_scale(
     assert settings.subject_metres == pytest.approx(0.4)
     assert settings.aperture_radius == radius, "the picture stays"
     assert settings.f_stop == pytest.approx(0.0315 / (2 * radius * 0.05), rel=1e-5)
-
-
-def test_lengths_have_no_metres_until_a_scale_is_given(
-    scene: bpy.types.Scene, settings: bpy.types.PropertyGroup
-) -> None:
-    scene.unit_settings.system = "METRIC"
-    settings.focus_distance = 8.0
-    assert depth_of_field.length_words(settings, 8.08) == "8.08"
-    for name in ("focus_distance", "aperture_radius"):
-        assert settings.bl_rna.properties[name].unit == "NONE"
-    settings.metres_per_unit = 0.05
-    assert depth_of_field.length_words(settings, 8.0) == "40 cm"
-    assert settings.focus_length == 8.0 and settings.bl_rna.properties["focus_length"].unit == "LENGTH"
-    settings.focus_length = 6.0
-    assert settings.focus_distance == 6.0

@@ -8,8 +8,6 @@ import bpy
 import numpy as np
 import pytest
 
-import addon
-from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics, rotation_matrix
 from addon.core.media.clip import open_footage
 from addon.core.sfm.process import Opening, SolveProcess
@@ -24,7 +22,7 @@ from .. import foreign_models as foreign
 from .. import planes
 from ..foreign_models import write_clip, write_model
 from ..in_blender import choose_clip, select
-from ..recorder import Recorder, draw
+from ..recorder import draw
 from ..scenes import slanted_shot, write_frames
 from ..waiting import until
 
@@ -98,26 +96,6 @@ def test_render_frame_and_clip_write_pictures(scene: bpy.types.Scene, tmp_path: 
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["0001.png", "0002.png", "0003.png"]
 
 
-def test_scene_changes_can_be_undone() -> None:
-    for name in ("choose_clip", "solve", "import_solve", "import_movie_clip", "set_focus"):
-        name = f"VIRTUAL_APERTURE_OT_{name}"
-        assert "UNDO" in getattr(bpy.types, name).bl_options
-
-
-def test_the_recorder_knows_what_blender_refuses(scene: bpy.types.Scene) -> None:
-    layout, settings = Recorder(), scene.virtual_aperture
-    with pytest.raises(AssertionError, match="has no property blurr"):
-        layout.prop(settings, "blurr")
-    with pytest.raises(AssertionError, match="no icon TRACKR"):
-        layout.row().label(text="", icon="TRACKR")
-    with pytest.raises(KeyError):
-        layout.operator("virtual_aperture.slove")
-    with pytest.raises(AssertionError, match="has no property agian"):
-        layout.operator("virtual_aperture.solve").agian = True
-    with pytest.raises(AssertionError, match="has no use_split"):
-        layout.use_split = True
-
-
 def drawn(closed: bool) -> tuple[set[str], set[str], str]:
     """Properties, greyed ones in brackets, operators and texts of the panels that are closed, or not."""
     shown = [draw(p) for p in panels.CLASSES if ("DEFAULT_CLOSED" in getattr(p, "bl_options", ())) == closed]
@@ -162,18 +140,6 @@ def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> No
     assert "Frames 1 to 3, to //out/ as PNG" in drawn(closed=False)[2]
 
 
-def test_jargon_is_in_closed_panels(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    shot = slanted_shot(tmp_path, LENS)
-    settings = build(scene, shot.footage, shot.reconstruction)
-    jargon = {"method", "borrow", "use_auto_views", "masks", "mask", "depth_maps", "work_dir", "footage"}
-    assert jargon <= drawn(closed=True)[0]
-    assert not jargon & drawn(closed=False)[0]
-    # Found automatically, no number is shown.
-    assert "views" not in drawn(closed=True)[0]
-    settings.views, settings.method = 12, "thesis"
-    assert {"views", "seed"} <= drawn(closed=True)[0]
-
-
 def test_long_texts_are_wrapped_to_the_panel() -> None:
     words = "36 of 36 frames registered, 1554 points, reprojection error 0.13 px"
     narrow, wide = lines(words, 150), lines(words, 2000)
@@ -183,13 +149,6 @@ def test_long_texts_are_wrapped_to_the_panel() -> None:
     path = "/home/somebody/clips/" + 10 * "somewhere/"
     broken = lines(f"no {path}", 150)
     assert len(broken) > 3 and "".join(broken) == f"no{path}"
-
-
-def test_register_again(registered: None) -> None:
-    addon.unregister()
-    assert not hasattr(bpy.types.Scene, "virtual_aperture")
-    addon.register()
-    assert hasattr(bpy.types.Scene, "virtual_aperture")
 
 
 def test_solving_brings_the_clip_into_its_scene(scene: bpy.types.Scene, tmp_path: Path) -> None:
@@ -216,7 +175,7 @@ def test_solving_brings_the_clip_into_its_scene(scene: bpy.types.Scene, tmp_path
     assert settings.points is not None
 
 
-@pytest.mark.parametrize("chosen", ["", "0", "0/cameras.txt", "0/points3D.txt"])
+@pytest.mark.parametrize("chosen", ["", "0/points3D.txt"])
 def test_a_model_is_imported_by_its_folder_or_a_file_in_it(
     scene: bpy.types.Scene, tmp_path: Path, chosen: str
 ) -> None:
@@ -255,14 +214,12 @@ def test_an_import_replaces_a_solve_only_when_told_to(scene: bpy.types.Scene, tm
         bpy.ops.virtual_aperture.solve()
 
 
-@pytest.mark.parametrize("elsewhere", [False, True])
-def test_edit_mode_is_left_for_a_new_solve(scene: bpy.types.Scene, tmp_path: Path, elsewhere: bool) -> None:
+def test_edit_mode_is_left_for_a_new_solve(scene: bpy.types.Scene, tmp_path: Path) -> None:
     work = choose_clip(scene, tmp_path)
     bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "one")))
     points = scene.virtual_aperture.points
     select(points, (1, 2))
-    if elsewhere:
-        bpy.context.window.scene = bpy.data.scenes.new("other")
+    bpy.context.window.scene = bpy.data.scenes.new("other")
     build_scene(scene, open_footage(tmp_path / "clip"), work)
     assert points.mode == "OBJECT"
     assert len(points.data.vertices) == 12
@@ -392,22 +349,3 @@ def test_a_solve_begins_once_its_clip_is_open(tmp_path: Path) -> None:
     until(lambda: solving.poll() is not None and begun)
     assert solving.process is not None and solving.process.clip.path == tmp_path / "clip"
     solving.cancel()
-
-
-def test_what_another_process_finds_wrong_with_a_clip_is_raised_here(tmp_path: Path) -> None:
-    (tmp_path / "broken.mp4").write_bytes(b"no film")
-    solving = Solving(lambda: SolveProcess(tmp_path, tmp_path), "", Opening(tmp_path / "broken.mp4", False))
-    with pytest.raises(UserError, match=r"broken\.mp4"):
-        until(lambda: solving.poll() is None)
-    assert solving.ended
-
-
-def test_what_opening_a_clip_raises_comes_to_who_waits() -> None:
-    def begin() -> SolveProcess:
-        raise UserError("no clip")
-
-    solving = Solving(begin)
-    with pytest.raises(UserError, match="no clip"):
-        while True:
-            solving.poll()
-    assert solving.ended

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -12,8 +10,6 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.frame.cg_layers import CGObjects
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.cg_layer import STEP, CGLayer
-from addon.core.warp.layer import Layer, atlas, joined
-from addon.core.warp.mesh import WarpMesh
 
 PINHOLE = Intrinsics(64, 48, 100.0, 100.0, 32.0, 24.0)
 MARGIN = 8
@@ -36,12 +32,6 @@ def test_it_is_cut_out_at_its_place() -> None:
     assert made.corner == (30 - MARGIN, 20 - MARGIN) and made.picture.shape == (10, 15, 4)
     assert made.places()[0, 0].tolist() == [22.5, 12.5]
     assert CGLayer.of(np.zeros((8, 8, 4), np.float32), np.zeros((8, 8), np.float32), 0, 1.0) is None
-
-
-def test_what_has_no_surface_lies_where_it_is_said_to() -> None:
-    smoke = np.full((4, 4, 4), 0.3, np.float32)
-    found = CGLayer.of(smoke, np.zeros((4, 4), np.float32), 0, 0.125)
-    assert found is not None and (found.inverse_depth == 0.125).all()
 
 
 def test_half_covered_pixels_are_as_far_as_the_covered_ones_beside() -> None:
@@ -92,52 +82,6 @@ def test_aberrations_widen_its_blur_by_place() -> None:
     found, expected = made.layer(lens, 9, 1.0, twice), made.layer(wider, 9, 1.0)
     np.testing.assert_array_equal(found.picture, expected.picture)
     assert np.array_equal(seen[0], np.array(made.corner) + 0.5) and (seen[1] < seen[0]).all()
-
-
-def test_on_another_raster_and_at_another_size_it_is_at_the_same_place() -> None:
-    made = layer()
-    wide = made.on_raster((3, 5), (54, 74))
-    assert wide.picture.shape == (54, 74, 4) and wide.corner == (-5, -3)
-    row, column = np.nonzero(wide.picture[..., 3])
-    assert (row.min() - 3, column.min() - 5) == made.corner[::-1]
-    half = replace(PINHOLE, width=32, height=24, fx=50.0, fy=50.0, cx=16.0, cy=12.0)
-    small = made.scaled(PINHOLE, half)
-    weight = small.picture[..., 3]
-    middle = (small.places() * weight[..., None]).sum(axis=(0, 1)) / weight.sum()
-    assert middle == pytest.approx([(22 + 7.5) / 2, (12 + 5) / 2], abs=0.1)
-    assert weight.sum() == pytest.approx(10 * 15 / 4, rel=0.05)
-
-
-def test_triangles_are_joined_from_far_to_near_after_the_opaque_ones() -> None:
-    xy = np.array([[0.5, 0.5], [3.5, 0.5], [0.5, 3.5], [0.5, 0.5], [3.5, 0.5], [0.5, 3.5]])
-    plate = WarpMesh(xy, xy, np.array([0.9] * 3 + [0.3] * 3), np.array([[0, 1, 2], [3, 4, 5]], np.int32))
-    made = [layer(inverse) for inverse in (0.5, 0.2)]
-    lens = ThinLens(PINHOLE, 0.01, FOCUS)
-    clip = Layer(plate, np.ones((4, 4, 4), np.float32))
-    layers = [clip, *(each.layer(lens, 9, 1.0) for each in made)]
-    mesh, texture = joined(layers), atlas(layers)
-    # The opaque ones stay as they are; the rest is far to near.
-    assert mesh.triangles[:2].tolist() == [[0, 1, 2], [3, 4, 5]]
-    assert (np.diff(mesh.inverse_depth[mesh.triangles[2:]].min(axis=1)) >= 0).all()
-    # Each is painted with its own: below the clip's rows, in the order of the layers.
-    heights = [each.picture.shape[0] for each in layers]
-    assert texture.shape[0] == sum(heights)
-    first = len(plate.xy)
-    rows = mesh.texture_xy[first : first + len(layers[1].mesh.xy), 1]
-    assert rows.min() > heights[0] and rows.max() < heights[0] + heights[1]
-
-
-def test_a_mesh_that_looks_past_its_texture_sees_it_mirrored() -> None:
-    xy = np.array([[-2.0, -2.0], [6.0, -2.0], [-2.0, 6.0]])
-    plate = WarpMesh(xy, xy, np.full(3, 0.1), np.array([[0, 1, 2]], np.int32))
-    texture = np.arange(64, dtype=np.float32).reshape(4, 4, 4)
-    layers = [Layer(plate, texture), layer().layer(ThinLens(PINHOLE, 0.01, FOCUS), 9, 1.0)]
-    mesh, both = joined(layers), atlas(layers)
-    shift = mesh.texture_xy[0] - xy[0]
-    assert (mesh.texture_xy[:3] >= 0).all()
-    left, top = shift.astype(int)
-    assert np.array_equal(both[top : top + 4, left : left + 4], texture)
-    assert np.array_equal(both[top, left - 1], texture[0, 0])
 
 
 def test_shadows_dim_the_clip_and_not_its_alpha() -> None:

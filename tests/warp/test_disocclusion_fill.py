@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from addon.core.camera.canvas import Canvas
@@ -69,19 +68,6 @@ def test_what_lies_past_the_border_is_taken_from_the_next_frames() -> None:
     np.testing.assert_allclose(colour[known], truth(BESIDE)[known], atol=2e-3)
 
 
-def test_frames_may_be_darker() -> None:
-    def read(frame: int) -> NDArray[np.uint8]:
-        if frame == MIDDLE:
-            return view(frame)
-        linear = decode_srgb(view(frame) / 255) * (0.6 + 0.05 * frame)
-        encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-        return np.round(255 * encoded).astype(np.uint8)
-
-    colour, known = colours_at(read, BESIDE, 1 / DEPTH, FLAT)
-    assert known.mean() > 0.95
-    assert np.median(np.abs(colour[known] / truth(BESIDE)[known] - 1)) < 0.02
-
-
 def test_what_something_nearer_hides_in_them_is_not_taken() -> None:
     # A board as wide as the frame stands so near that every other frame sees it before these places, too.
     near = np.full((HEIGHT, WIDTH), 1.05 / DEPTH)
@@ -99,27 +85,6 @@ def test_what_frames_disagree_on_is_not_taken() -> None:
     _, known = colours_at(lambda frame: noise[frame], BESIDE, 1 / DEPTH, FLAT)
     # Only what a single frame sees has nobody to disagree.
     assert known.mean() < 0.5
-
-
-@pytest.mark.parametrize("count", [0, 1])
-def test_few_places_and_no_other_frames(count: int) -> None:
-    colour, known = colours_at(view, BESIDE[:count], 1 / DEPTH, FLAT)
-    assert colour.shape == (count, 3) and known.shape == (count,)
-    alone = Reconstruction((LENS,), shot().images[MIDDLE - 1 : MIDDLE], shot().points)
-    reprojected = DisocclusionFill(alone, view).reprojected(
-        MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT
-    )
-    reprojections = reprojected.colours(BESIDE[:1], np.array([1 / DEPTH]))
-    assert not reprojections[1].any()
-
-
-def test_pictures_of_another_size_than_the_lens() -> None:
-    def read(frame: int) -> NDArray[np.uint8]:
-        return np.repeat(np.repeat(view(frame), 2, axis=0), 2, axis=1)
-
-    colour, known = colours_at(read, BESIDE, 1 / DEPTH, FLAT)
-    assert known.mean() > 0.95
-    assert np.median(np.abs(colour[known] / truth(BESIDE)[known] - 1)) < 0.02
 
 
 def crossing(frame: int) -> NDArray[np.bool_]:
@@ -179,24 +144,6 @@ def test_what_stands_before_a_place_in_most_frames_is_no_ghost() -> None:
     off = [np.abs(colour[known] - truth(BESIDE)[known]).max() for colour, known in reprojections]
     assert off[0] > 0.1 and off[1] < 2e-3
     assert reprojections[1][1].mean() > 0.98
-
-
-def test_frames_of_which_nothing_is_said_are_taken_whole() -> None:
-    plain = colours_at(view, BESIDE, 1 / DEPTH, FLAT)
-    disocclusion = DisocclusionFill(shot(), view, lambda frame: None)
-    reprojected = disocclusion.reprojected(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT)
-    reprojections = reprojected.colours(BESIDE, np.full(len(BESIDE), 1 / DEPTH))
-    for one, other in zip(plain, reprojections, strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
-def test_masks_may_have_another_size() -> None:
-    def large(frame: int) -> NDArray[np.bool_]:
-        return np.repeat(np.repeat(crossing(frame), 3, axis=0), 3, axis=1)
-
-    colour, known, true = behind(large)
-    assert known.mean() > 0.8
-    np.testing.assert_allclose(colour[known], true[known], atol=2e-3)
 
 
 def test_nothing_is_taken_where_others_do_not_see_what_the_frame_shows() -> None:

@@ -11,7 +11,6 @@ import pytest
 from addon.core.base.arrays import Floats, LinearRGBA, Mask
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
-from addon.core.optics.aperture_sampling import centroidal_disc, vogel_disc
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.footprint import LEVELS, Level, disc_kernel, prefilter
 from addon.core.warp.layer import OWN, Layer
@@ -51,7 +50,7 @@ def test_disc_kernels_have_the_variance_of_a_disc() -> None:
         assert (kernel.sum(axis=0) * place**2).sum() == pytest.approx(radius**2 / 4, rel=0.02)
 
 
-@pytest.mark.parametrize("level", LEVELS[1:11], ids=lambda level: f"{level.radius:g}")
+@pytest.mark.parametrize("level", LEVELS[1:11:4], ids=lambda level: f"{level.radius:g}")
 def test_lamps_become_their_footprint_and_keep_their_energy(level: Level) -> None:
     """On average over where they are on a coarse raster."""
     radius, grown = level.radius / FINER, []
@@ -75,15 +74,6 @@ def variance(light: Floats) -> float:
     return float(np.mean([(share * (axis - (share * axis).sum()) ** 2).sum() for axis in (x, y)]))
 
 
-def test_one_colour_stays_one_colour() -> None:
-    before, after, _ = blurred(picture(0.5, 0.5), lambda disparity: np.abs(disparity) + 1)
-    # Matting takes mixed pixels apart by a little less than a 255th.
-    np.testing.assert_allclose(before[-1], [[[0.5, 0.5, 0.5, 1]]] * np.ones_like(before[-1]), atol=4e-3)
-    np.testing.assert_allclose(after[-1], [[[0.5, 0.5, 0.5, 1]]] * np.ones_like(before[-1]), atol=4e-3)
-    off = [np.abs(parts[:-1, ..., :3] - 0.5 * parts[:-1, ..., 3:]).max() for parts in (before, after)]
-    assert off[1] <= off[0] + 1e-5
-
-
 def test_what_is_in_focus_is_untouched() -> None:
     grain = np.random.default_rng(0).random(SIZE)
     before, after, layers = blurred(picture(grain, grain), lambda d: np.where(d > 6 - NEAR, 0.0, 4.0), NEAR)
@@ -92,18 +82,6 @@ def test_what_is_in_focus_is_untouched() -> None:
     np.testing.assert_array_equal(after[0][near], before[0][near])
     # The wall beside it is not.
     assert np.abs(after[-1] - before[-1]).max() > 0.1
-
-
-def test_nothing_to_blur_by_is_the_plain_texture() -> None:
-    grain = np.random.default_rng(1).random(SIZE)
-    before, after, _ = blurred(picture(grain, 1 - grain), lambda disparity: np.zeros(disparity.shape))
-    np.testing.assert_array_equal(after, before)
-    # Ever more views come to it.
-    off = []
-    for radius in (0.5, 0.25, 0.125):
-        _, after, _ = blurred(picture(grain, 1 - grain), lambda d, r=radius: np.full(d.shape, r))
-        off.append(float(np.abs(after - before).mean()))
-    assert off[0] > 3 * off[1] > 9 * off[2]
 
 
 def test_nothing_bleeds_from_one_surface_into_another() -> None:
@@ -136,22 +114,3 @@ def test_the_border_between_parts_is_one() -> None:
     _, after, layers = blurred(bright, lambda disparity: np.full(disparity.shape, 6.0))
     margin = (layers[0].alpha.shape[0] - SIZE[0]) // 2
     assert after[-1][: FINER * (margin // 2), :, 0].max() < 0.3
-
-
-def test_positions_have_equal_shares_of_the_disc() -> None:
-    samples = vogel_disc(20000)
-    for count in (1, 2, 7, 16, 24, 64):
-        disc = centroidal_disc(count)
-        np.testing.assert_allclose(disc.mean(axis=0), 0, atol=1e-12)
-        squared = ((samples[:, None] - disc) ** 2).sum(axis=2)
-        # What is within the shares makes up for what is not between them.
-        spread = (disc**2).sum(axis=1).mean() + squared.min(axis=1).mean()
-        assert spread == pytest.approx(0.5, abs=0.01)
-        if count > 7:
-            apart = np.linalg.norm(disc[:, None] - disc, axis=2) + 9 * np.eye(count)
-            spiral = vogel_disc(count)
-            of_spiral = np.linalg.norm(spiral[:, None] - spiral, axis=2) + 9 * np.eye(count)
-            assert apart.min() > of_spiral.min()
-        assert np.bincount(squared.argmin(axis=1), minlength=count).min() > 0.75 * len(samples) / count
-    with pytest.raises(ValueError, match="read-only"):
-        centroidal_disc(16)[0, 0] = 1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 
-import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -19,13 +18,12 @@ from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp import layered_mesh
 from addon.core.warp.layer import Layer, joined
-from addon.core.warp.layered_depth_image import LayeredDepthImage, depth_peel, inpainted, split
+from addon.core.warp.layered_depth_image import LayeredDepthImage, depth_peel, split
 from addon.core.warp.layered_mesh import FINER, FIRST_JUMP, WIDEST
 from addon.core.warp.quadtree import SILHOUETTE_ERROR, Surfaces, triangulate
 from addon.render.views import gpu_views
 from sample_scenes import cycles_views
 
-from .. import planes
 from ..disc_and_wall import (
     DISC,
     FAR,
@@ -67,13 +65,6 @@ def of(found: LayeredDepthImage) -> Surfaces:
         found.is_far,
         found.disoccluded,
     )
-
-
-def test_a_plane_takes_few_triangles() -> None:
-    found = triangulate(one(0.03 * X + 0.01 * Y), 1.0, 0.01)
-    assert len(found.far) < 0.03 * 2 * SIZE[0] * SIZE[1]
-    assert np.abs(areas(found.far, SIZE[1])).sum() == (SIZE[0] - 1) * (SIZE[1] - 1)
-    assert not len(found.near) and not len(found.cut) and not found.before.any()
 
 
 def test_a_silhouette_takes_few_triangles_of_each_surface() -> None:
@@ -127,12 +118,6 @@ def test_the_error_is_bounded_and_there_are_no_cracks(error: float) -> None:
     assert total == (SIZE[0] - 1) * (SIZE[1] - 1)
 
 
-def test_a_larger_error_takes_fewer_triangles() -> None:
-    depth = 4 * np.exp(-((X - 60) ** 2 + (Y - 50) ** 2) / 900)
-    counts = [len(triangulate(one(depth), 1.0, e).far) for e in (0.02, 0.1, 0.5)]
-    assert counts[0] > 2 * counts[1] > 4 * counts[2]
-
-
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (2, 2), (5, 3), (65, 64)])
 def test_any_size(size: tuple[int, int]) -> None:
     triangles = triangulate(one(np.zeros(size)), 1.0, 0.1).far
@@ -148,14 +133,6 @@ def test_both_layers_together_are_the_picture() -> None:
     composed = found.front[..., :3] + (1 - found.front[..., 3:]) * found.back[..., :3]
     np.testing.assert_allclose(composed, picture[..., :3], atol=2e-3)
     assert found.front[..., 3].min() >= 0 and found.front[..., 3].max() <= 1
-
-
-def test_a_silhouettes_pixels_know_their_share() -> None:
-    found = split(scene(), SHIFT, 1.0, 1.0)
-    share = np.where(found.front_disparity > (NEAR + FAR) / 2, found.front[..., 3], 0)
-    # As far as the wall's own texture, which is in neither surface's mean, lets it be known.
-    assert np.abs(share - cover()).max() < 0.2
-    assert np.abs(share - cover()).mean() < 0.003
 
 
 def test_what_is_behind_is_carried_on_as_far_as_the_aperture_sees() -> None:
@@ -214,13 +191,6 @@ def test_what_other_frames_see_beside_a_silhouette_tells_its_pixels_shares() -> 
     np.testing.assert_allclose(filled.back[filled.mixed][:, :3], wall()[filled.mixed], atol=1e-3)
     # Colours that cannot be there are not believed, but where the pixel may be the disc's alone.
     assert off[2].mean() < 1.2 * off[0].mean()
-
-
-def test_no_jump_no_layer() -> None:
-    picture = scene()
-    found = split(picture, 0.02 * X, 1.0, 1.0)
-    assert not found.disoccluded.any()
-    np.testing.assert_array_equal(found.front, picture)
 
 
 def test_no_surface_no_split() -> None:
@@ -357,16 +327,6 @@ def test_a_surface_does_not_tear_between_two_silhouettes(monkeypatch: pytest.Mon
         assert (torn > 0.1).mean() < 4e-3
 
 
-def test_colours_are_carried_on() -> None:
-    colour = wall().astype(np.float32)
-    known = (X < 60) | (X > 100)
-    filled = inpainted(np.where(known[..., None], colour, 9.0).astype(np.float32), known)
-    np.testing.assert_array_equal(filled[known], colour[known])
-    assert filled.min() >= colour.min() - 1e-5 and filled.max() <= colour.max() + 1e-5
-    nothing = np.zeros(SIZE, bool)
-    np.testing.assert_array_equal(inpainted(colour, nothing), colour)
-
-
 # Views
 
 
@@ -441,14 +401,6 @@ def test_what_is_displaced_out_of_the_picture_comes_back() -> None:
     assert layers[-1].picture.shape[1] == FINER * (SIZE[1] + 2 * margin)
 
 
-def test_a_large_texture_is_left_as_it_is() -> None:
-    fine = make_mesh(scene(), SHIFT, FAR, 150.0)
-    plain = make_mesh(scene(), SHIFT, FAR, 150.0, largest_texture=1)
-    for one_, other in zip(fine, plain, strict=True):
-        assert one_.picture.shape[0] == 2 * other.picture.shape[0] and (one_.finer, other.finer) == (2, 1)
-        np.testing.assert_allclose(one_.mesh.texture_xy, 2 * other.mesh.texture_xy - 0.5)
-
-
 # Depth in the large picture
 
 
@@ -462,14 +414,3 @@ def test_a_jump_lies_at_the_large_pictures_edge() -> None:
     found = upsampled(small, picture)
     assert set(np.unique(found)) == {0.5, 2.0}
     assert np.abs((found > 1).argmax(axis=1) + 0.5 - edge).max() <= 1
-
-
-def test_smooth_depth_stays_smooth() -> None:
-    small = 1 + 0.001 * X
-    picture = np.repeat(np.float32(planes.texture(4 * SIZE[1], 4 * SIZE[0], 0))[..., None] / 255, 4, axis=2)
-    found = upsampled(small, picture)
-    assert found.shape == (4 * SIZE[0], 4 * SIZE[1])
-    expected = cv2.resize(small, found.shape[::-1], interpolation=cv2.INTER_LINEAR)
-    np.testing.assert_allclose(found[8:-8, 8:-8], expected[8:-8, 8:-8], atol=1e-4)
-    same = upsampled(small, picture[: SIZE[0], : SIZE[1]])
-    np.testing.assert_array_equal(same, small)

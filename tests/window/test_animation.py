@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
-from ..lamps import LIGHT, place_lamp
+from ..in_blender import LIGHT, place_lamp
 from .clips import SMALL, read_exr, write_scene
 from .program import EXTENSION, Program, headless
 from .screen import Screen

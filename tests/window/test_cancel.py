@@ -1,4 +1,4 @@
-"""ESC in renders of 640x360 and 1080p, and a drawing that fails: soon over, said, and no half a file."""
+"""ESC in renders, and a drawing that fails: soon over, said, and no half a file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .program import EXTENSION, Program
 from .screen import Screen
 from .steps import running
 
-SIZES = ((640, 360), (1920, 1080))
+SIZE = (640, 360)
 FAILING = f"""
 import sys
 views = sys.modules["{EXTENSION}.addon.render.views.gpu_views"]
@@ -27,23 +27,12 @@ views.view_rows = failing
 
 
 @pytest.fixture(scope="module")
-def program(screen: Screen, resources: Path) -> Iterator[Program]:
-    with running(screen, resources, "cancel", tab=False) as made:
+def program(screen: Screen, resources: Path, folder: Path, registered: None) -> Iterator[Program]:
+    # Views take several seconds.
+    blend = write_scene(folder / "cancel", SIZE, views=512)
+    with running(screen, resources, "cancel", blend, tab=False) as made:
+        made.screen.move(*made.middle("VIEW_3D"))
         yield made
-
-
-@pytest.fixture(params=SIZES, ids=["360p", "1080p"], scope="module")
-def opened(
-    request: pytest.FixtureRequest, program: Program, folder: Path, registered: None
-) -> tuple[int, int]:
-    """A scene of this size is open; its width and height."""
-    size: tuple[int, int] = request.param
-    # Views take several seconds in either size.
-    blend = write_scene(folder / f"cancel{size[0]}", size, views=512)
-    program.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r})")
-    program.settle()
-    program.screen.move(*program.middle("VIEW_3D"))
-    return size
 
 
 def seconds_to_idle(program: Program) -> float:
@@ -82,27 +71,27 @@ def nothing_left_running(program: Program) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("after", [0.1, 1.5])
-def test_esc_ends_a_frame_before_it_is_drawn(program: Program, opened: tuple[int, int], after: float) -> None:
+def test_esc_ends_a_frame_before_it_is_drawn(program: Program, after: float) -> None:
     start(program, "F12")
     time.sleep(after)
-    program.shot(f"{opened[1]}_{after}_before")
+    program.shot(f"{after}_before")
     assert program.ask("bpy.app.is_job_running('RENDER')"), "over before ESC"
     took = seconds_to_idle(program)
     program.settle()
-    program.shot(f"{opened[1]}_{after}_cancelled")
+    program.shot(f"{after}_cancelled")
     back_to_viewport(program)
-    program.tell_time(took, f"{opened[1]}p, ESC {after} s after F12")
+    program.tell_time(took, f"ESC {after} s after F12")
 
 
-def test_esc_ends_a_frame_while_it_is_drawn(program: Program, opened: tuple[int, int]) -> None:
+def test_esc_ends_a_frame_while_it_is_drawn(program: Program) -> None:
     start(program, "F12")
     program.wait(f"{DRAWN} is not None and {DRAWN}.done > 8", 120)
     took = seconds_to_idle(program)
     back_to_viewport(program)
-    program.tell_time(took, f"{opened[1]}p, ESC while views are drawn")
+    program.tell_time(took, "ESC while views are drawn")
 
 
-def test_esc_ends_an_animation_and_leaves_whole_files(program: Program, opened: tuple[int, int]) -> None:
+def test_esc_ends_an_animation_and_leaves_whole_files(program: Program) -> None:
     out = Path(program.ask("bpy.path.abspath('//')")) / "frames"
 
     shutil.rmtree(out, ignore_errors=True)
@@ -119,13 +108,11 @@ def test_esc_ends_an_animation_and_leaves_whole_files(program: Program, opened: 
     for file in files:
         assert file.suffix == ".exr"
         assert np.all(read_exr(file)[..., 3] == 1), f"{file.name} is not whole"
-    program.tell_time(took, f"{opened[1]}p, ESC in an animation")
+    program.tell_time(took, "ESC in an animation")
 
 
 @pytest.mark.parametrize("key", ["F12", "ctrl+F12"])
-def test_what_fails_while_drawing_is_said_and_written_nowhere(
-    program: Program, opened: tuple[int, int], key: str
-) -> None:
+def test_what_fails_while_drawing_is_said_and_written_nowhere(program: Program, key: str) -> None:
     out = Path(program.ask("bpy.path.abspath('//')")) / "frames"
     shutil.rmtree(out, ignore_errors=True)
     heard = program.ask("len(messages())")
@@ -134,7 +121,7 @@ def test_what_fails_while_drawing_is_said_and_written_nowhere(
         report = program.render(key, seconds=180)
     finally:
         program.ask("views.view_rows = kept; None")
-    shot = f"{opened[1]}_{key.replace('+', '_')}_failed"
+    shot = f"{key.replace('+', '_')}_failed"
     program.shot(shot)
     said = [line for line in program.ask("messages()")[heard:] if "provoked while drawing" in line]
     back_to_viewport(program)

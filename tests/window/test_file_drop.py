@@ -11,18 +11,15 @@ from .. import planes
 from ..foreign_models import write_clip, write_model
 from .program import Program
 from .screen import Screen
-from .steps import PRESETS, drop, running
+from .steps import drop, running
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
-LENS = f"[round({SETTINGS}.blur, 4), round({SETTINGS}.shape.obstruction, 2), {SETTINGS}.focus_distance]"
 SCENE = (
     f"[{SETTINGS}.footage, {SETTINGS}.work_dir, {SETTINGS}.clip_identity, {SETTINGS}.focus_distance,"
     f" len({SETTINGS}.points.data.vertices), bpy.context.scene.frame_end, bpy.context.scene.render.filepath]"
 )
 """What tells which clip the scene holds, and what was made of it."""
 SOLVING = "any(w.modal_operators for w in bpy.context.window_manager.windows)"
-MIRROR = 342
-"""Pixels from the button of the presets down to the tenth of them, the mirror lens."""
 
 pytestmark = pytest.mark.usefixtures("in_order")
 
@@ -70,30 +67,6 @@ def test_a_dropped_picture_brings_its_sequence(program: Program, clips: Path) ->
     assert "12 of 12 frames registered" in program.ask("messages()")[-1]
 
 
-def test_a_preset_is_chosen_and_undone(program: Program) -> None:
-    program.show_sidebar("Virtual Aperture")
-    program.ask(f"{SETTINGS}.focus_distance = 9.0; bpy.ops.ed.undo_push(message='focus'); None")
-    before = program.ask(LENS)
-    left, _, width, _ = program.rectangle("VIEW_3D", "UI")
-    # Beside the blur; a popover cannot be asked for by name.
-    x, y = left + PRESETS * width, program.find(".blur_percent", "VIEW_3D", "UI").y
-    program.screen.click(x, y)
-    program.still()
-    program.shot("presets")
-    program.screen.move(x - 20, y + MIRROR)
-    program.settle()
-    program.screen.click(x - 20, y + MIRROR)
-    program.wait(f"{SETTINGS}.shape.obstruction > 0")
-    program.screen.key("Escape")
-    program.screen.move(*program.middle("VIEW_3D"))
-    program.settle()
-    after = program.ask(LENS)
-    assert after[1] > 0 and (after[0], after[2]) == (before[0], before[2])
-    program.screen.key("ctrl+z")
-    program.settle()
-    assert program.ask(LENS) == before
-
-
 def test_a_clip_that_loses_the_focus_is_asked_about(program: Program, clips: Path) -> None:
     drop(program, clips / "clip" / "shot_0001.png")
     program.screen.key("s")
@@ -110,20 +83,6 @@ def replace(program: Program, clip: Path) -> None:
     program.screen.key("s")
     program.still()
     program.screen.key("Return")
-
-
-def test_esc_while_another_clip_is_solved_leaves_the_solved_one(program: Program, clips: Path) -> None:
-    before, heard = program.ask(SCENE), program.ask("len(messages())")
-    replace(program, clips / "stroll")
-    program.wait(SOLVING)
-    program.settle()
-    program.shot("replacing")
-    program.screen.key("Escape")
-    program.wait(f"not ({SOLVING})")
-    program.settle()
-    program.shot("not_replaced")
-    assert "nothing was changed" in " ".join(program.ask(f"messages()[{heard}:]"))
-    assert program.ask(SCENE) == before
 
 
 def test_a_clip_that_cannot_be_solved_leaves_the_solved_one(program: Program, clips: Path) -> None:

@@ -117,10 +117,3 @@ def test_escape_leaves_the_mark(program: Program) -> None:
     screen._xdotool("mouseup", "1")
     program.wait(f"not ({DRAGGING})")
     assert [frame for frame, _ in program.ask(MARKS)] == [3, 20]
-
-
-def test_no_mark_is_dragged_onto_another(program: Program) -> None:
-    one, other, down = strip(program, "found.middles")
-    program.screen.drag((one, down), (other, down))
-    program.settle()
-    program.wait(f"[m[0] for m in {MARKS}] in ([19, 20], [20, 21])")

@@ -15,7 +15,7 @@ from addon.core.media.clip import open_footage
 from addon.scene.build import build
 from benchmarks.torture import clip as solved
 
-from ..lamps import place_lamp
+from ..in_blender import place_lamp
 from .program import EXTENSION, Program
 from .screen import Screen
 from .steps import running

@@ -1,4 +1,5 @@
-"""The extension disabled, enabled and updated while the preview is on: Blender goes on, the preview can."""
+"""The extension disabled, enabled and updated while the preview is on, and the preview's process killed:
+Blender goes on, the preview can."""
 
 from __future__ import annotations
 
@@ -10,9 +11,12 @@ import pytest
 from .clips import write_scene
 from .program import BACKEND, EXTENSION, Program
 from .screen import Screen
-from .steps import first_window, running, show_preferences
+from .steps import SETTINGS, first_window, running, show_preferences
 
 PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
+PROCESS = (
+    f"__import__('sys').modules['{EXTENSION}.addon.render.processes.clip_process'].CLIP.worker.process.pid"
+)
 SHADING = "view('VIEW_3D')['area'].spaces.active.shading.type"
 OFF = f"bpy.ops.preferences.addon_disable(module={EXTENSION!r}); None"
 ON = f"bpy.ops.preferences.addon_enable(module={EXTENSION!r}); None"
@@ -47,12 +51,33 @@ def test_the_previews_process_has_this_gpu_backend(program: Program) -> None:
     assert said[0] == said[1] == ["--gpu-backend", BACKEND or "opengl"]
 
 
+def test_the_preview_goes_on_when_its_process_is_killed(program: Program) -> None:
+    preview(program, "before_it_is_killed")
+    killed = program.ask(PROCESS)
+    # So many that the picture is not finished before the process is killed.
+    program.ask(f"{SETTINGS}.views = 2000; None")
+    kill = f"(os.kill({PROCESS}, signal.SIGKILL), True)[1]"
+    program.wait(f"import os, signal\n{PREVIEW}._step is not None and {kill}")
+    program.wait(f"{PREVIEW}.note", 60)
+    note = program.ask(f"{PREVIEW}.note")
+    assert note.startswith("The preview is begun again") and "SIGKILL" in note
+    program.shot("killed")
+    program.ask(f"{SETTINGS}.views = 16; None")
+    program.settle()
+    program.wait(f"not {PREVIEW}.is_busy()", 300)
+    assert program.ask(f"[{PREVIEW}.note, list({PREVIEW}._problems.values())]") == ["", []]
+    assert program.ask(PROCESS) != killed
+    assert [line for line in program.said().splitlines() if "begun again" in line] == [f"note: {note}"]
+
+
 def test_disabled_the_preview_ends_and_enabled_it_is_there_again(program: Program) -> None:
     for n in range(2):
         preview(program, f"preview_{n}")
+        process = program.ask(PROCESS)
         program.ask(OFF)
         assert program.ask(SHADING) == "SOLID"
         program.settle()
+        assert not Path(f"/proc/{process}").exists()
         program.shot(f"off_{n}")
         program.ask(ON)
         program.settle()

@@ -15,7 +15,7 @@ from addon.core.camera.reconstruction import Reconstruction
 from .clips import write_desk
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import MARKS, MODAL, PICKING, SETTINGS, over, running
+from .steps import MODAL, SETTINGS, over, running
 
 PAINTING = f"'VIRTUAL_APERTURE_OT_paint_repair' in {MODAL}"
 REPAIRS = f"[[r.kind, r.frame, len(r.places), r.reference[0] >= 0] for r in {SETTINGS}.repairs.items]"
@@ -134,23 +134,6 @@ def test_a_stroke_of_same_as_here_may_come_first(program: Program) -> None:
     program.wait(f"{REPAIRS} == {before}")
 
 
-def picked(program: Program, place: tuple[float, float]) -> float:
-    """Distance of the focus after a click."""
-    program.ask(START.replace("paint_repair", "pick_focus"))
-    program.wait(PICKING)
-    program.settle()
-    program.screen.click(*over(program, place))
-    program.wait(f"not ({PICKING})", FINAL)
-    ((_, away),) = program.ask(MARKS)
-    return float(away)
-
-
-def test_a_click_focuses_on_the_repaired_depth(program: Program) -> None:
-    wall = picked(program, WALL)
-    assert picked(program, GLOBE) == pytest.approx(wall, rel=0.1)
-    program.shot("focus_on_the_repair")
-
-
 def test_ctrl_z_while_painting_takes_the_reference_back_and_nothing_else(program: Program) -> None:
     before = program.ask(REPAIRS)
     program.ask(f"{SETTINGS}.repairs.radius = 0.25; bpy.ops.ed.undo_push(message='radius'); None")
@@ -171,12 +154,3 @@ def test_ctrl_z_while_painting_takes_the_reference_back_and_nothing_else(program
     assert program.ask(f"{SETTINGS}.repairs.radius") == 0.25
     program.screen.key("Escape")
     program.wait(f"not ({PAINTING})")
-
-
-def test_escape_leaves_all_as_it_was(program: Program) -> None:
-    before = program.ask(REPAIRS)
-    program.ask(START)
-    program.wait(PAINTING)
-    program.screen.key("Escape")
-    program.wait(f"not ({PAINTING})")
-    assert program.ask(REPAIRS) == before

@@ -153,12 +153,3 @@ def test_a_key_that_is_moved_in_the_timeline_is_the_users(program: Program) -> N
     assert program.ask(MARKS) == before
     edited(program, "1", "ctrl+z")
     program.wait(f"not {users}({SETTINGS})")
-
-
-def test_the_cameras_own_distance_follows(program: Program) -> None:
-    for frame in (1, 12, 30):
-        program.ask(f"bpy.context.scene.frame_set({frame})")
-        ours, own = program.ask(
-            f"[{SETTINGS}.focus_distance, bpy.context.scene.camera.data.dof.focus_distance]"
-        )
-        assert ours == own

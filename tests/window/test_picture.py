@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,7 +18,6 @@ SETTINGS = "bpy.context.scene.virtual_aperture"
 SPACE = "view('VIEW_3D')['area'].spaces.active"
 VIEWPORT = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport']"
 PREVIEW = f"{VIEWPORT}.PREVIEW"
-SHOWN = f"[s for s in {VIEWPORT}._in_regions.values() if s.frame][0]"
 BUSY = f"{PREVIEW}.is_busy()"
 FRAMES = tuple(range(1, 13))
 SCRUBBED, APART = 20, 0.1
@@ -129,72 +127,3 @@ def test_the_line_is_dragged(program: Program) -> None:
     program.settle()
     assert program.ask(f"{SETTINGS}.viewport_wipe") == 0
     assert np.array_equal(seen(program, "back", 0.1, 0.5), blurred)
-
-
-def test_cg_objects_come_into_the_picture_and_leave_it(program: Program) -> None:
-    program.wait(f"not {BUSY}", 60)
-    program.settle()
-    assert program.ask(f"[{SHOWN}.said, {SHOWN}.level]") == ["", "Final"]
-    program.shot("without_cg")
-    alone = program.ask(f"float(({SHOWN}).picture.linear.astype('f4').mean())")
-    program.ask(
-        "import mathutils\n"
-        f"camera = {SETTINGS}.camera\n"
-        f"place = camera.matrix_world.normalized() @ mathutils.Vector((0, 0, -{SETTINGS}.focus_distance))\n"
-        f"bpy.ops.mesh.primitive_monkey_add(size={SETTINGS}.focus_distance / 5, location=place)\nNone"
-    )
-    program.settle()
-    program.wait(f"not {BUSY}", 120)
-    program.settle()
-    program.shot("with_cg")
-    assert program.ask(f"[{SHOWN}.said, {SHOWN}.level]") == ["", "Final"]
-    there = program.ask(f"float(({SHOWN}).picture.linear.astype('f4').mean())")
-    assert there != pytest.approx(alone, abs=1e-3)
-    assert "complete" in program.render(seconds=120)
-    program.shot("cg_rendered")
-    while program.ask("len(bpy.context.window_manager.windows)") > 1:
-        program.close_window()
-    program.ask("bpy.ops.object.delete()\nNone")
-    program.settle()
-    program.wait(f"not {BUSY}", 60)
-    program.settle()
-    again = program.ask(f"float(({SHOWN}).picture.linear.astype('f4').mean())")
-    assert again == pytest.approx(alone, abs=1e-4)
-
-
-def test_it_follows_what_is_changed_and_scrubbed(program: Program) -> None:
-    """Times are told, not judged; that pictures are seen on the way is."""
-    program.ask(
-        "import time\nbpy.seen = []\n"
-        "def note():\n"
-        f"    p = ({SHOWN}).picture\n"
-        "    if not bpy.seen or bpy.seen[-1][1] != id(p):\n"
-        "        bpy.seen.append([time.monotonic(), id(p), p.wanted.frame, p.wanted.key])\n"
-        "bpy.types.SpaceView3D.draw_handler_add(note, (), 'WINDOW', 'POST_PIXEL')\nNone"
-    )
-    for number in range(5):
-        program.wait(f"not {BUSY}", 60)
-        program.settle()
-        began = program.ask(
-            f"bpy.seen.clear()\nt = time.monotonic()\n{SETTINGS}.blur = {0.03 + 0.005 * number}\nt"
-        )
-        time.sleep(0.05)
-        program.wait(f"not {BUSY}", 60)
-        program.settle()
-        first = program.ask(f"[t for t, _, _, key in bpy.seen if key == {PREVIEW}._wanted.key][0]")
-        program.tell_time(first - began, "a change of the blur, until it is seen")
-    program.ask("bpy.context.scene.frame_set(1); None")
-    program.wait(f"not {BUSY}", 60)
-    program.settle()
-    program.screen.move(*program.middle("VIEW_3D"))
-    program.ask("bpy.seen.clear(); None")
-    began = time.monotonic()
-    for step in range(1, SCRUBBED + 1):
-        program.screen.key("Right")
-        time.sleep(max(0.0, began + step * APART - time.monotonic()))
-    spent = time.monotonic() - began
-    frames = program.ask("len({frame for _, _, frame, _ in bpy.seen})")
-    program.tell_time(
-        spent, f"scrubbing {SCRUBBED} frames, {frames} of them seen, {frames / spent:.1f} a second"
-    )
-    assert frames > 2, "nothing is seen on the way"

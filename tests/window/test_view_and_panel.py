@@ -26,7 +26,6 @@ MODULES = f"__import__('sys').modules['{EXTENSION}.addon"
 DEPTH = f"{MODULES}.ui.jobs.depth_ahead']._ahead"
 VIEWPORT = f"{MODULES}.render.viewport.viewport']"
 PREVIEW = f"{VIEWPORT}.PREVIEW"
-SHADING = "view('VIEW_3D')['area'].spaces.active.shading.type"
 SIZE = "[bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y]"
 FRAME = (
     "(lambda v: list("
@@ -64,29 +63,6 @@ def call(program: Program, name: str) -> None:
         f"    bpy.ops.virtual_aperture.{name}('INVOKE_DEFAULT')\n"
     )
     program.settle()
-
-
-def test_the_field_of_the_blur_in_a_pull(program: Program) -> None:
-    program.ask(
-        f"s = {SETTINGS}\ns.blur = 0.06\n"
-        "for frame, distance in ((1, 6.0), (5, 12.0)):\n"
-        "    bpy.context.scene.frame_set(frame)\n"
-        "    s.focus_distance = distance\n"
-        "    bpy.context.scene.keyframe_insert('virtual_aperture.focus_distance')\n"
-    )
-    radius = program.ask(f"{SETTINGS}.aperture_radius")
-    program.ask("bpy.context.scene.frame_set(1)")
-    program.settle()
-    program.shot("blur_1")
-    program.ask("bpy.context.scene.frame_set(5)")
-    program.settle()
-    field = program.find("virtual_aperture.blur_percent", "VIEW_3D", "UI", 0.6)
-    program.shot("blur_5")
-    # The stored number, and one lens over the pull.
-    assert program.ask(f"[{SETTINGS}.blur, {SETTINGS}.aperture_radius]") == pytest.approx([0.06, radius])
-    program.fill(field, "5")
-    assert program.ask(f"{SETTINGS}.blur") == pytest.approx(0.05, rel=1e-5)
-    assert program.ask(f"{SETTINGS}.aperture_radius") == pytest.approx(radius * 5 / 6, rel=1e-4)
 
 
 AMOUNT = f"[{SETTINGS}.blur_percent, {SETTINGS}.aperture_radius, {SETTINGS}.f_stop]"
@@ -131,23 +107,6 @@ def test_undo_and_redo_keep_the_stored_amount(program: Program) -> None:
         stored[1:], rel=1e-5
     )
     program.ask(f"{settings}s.metres_per_unit = 0\ns.blur = 0.03")
-
-
-def test_edits_of_the_camera_are_restored_and_undone(program: Program) -> None:
-    data = f"{SETTINGS}.camera.data"
-    edited = f"list({MODULES}.scene.edited_camera'].edits(bpy.context.scene))"
-    assert program.ask(edited) == []
-    program.ask(f"{data}.shift_x += 0.2\n{data}.lens *= 1.5\nbpy.ops.ed.undo_push(message='Camera')\nNone")
-    program.settle()
-    program.shot("camera_edited")
-    assert program.ask(edited) == ["Focal Length", "Shift X"]
-    press_in_details(program, "render_clip", f"{edited} == []")
-    assert program.ask(edited) == []
-    program.shot("camera_restored")
-    undo(program)
-    assert program.ask(edited) == ["Focal Length", "Shift X"]
-    undo(program, "redo")
-    assert program.ask(edited) == []
 
 
 def message(program: Program, name: str) -> tuple[str, int, np.ndarray]:
@@ -230,25 +189,6 @@ def test_a_picture_keeps_its_shape_in_an_output_of_another_shape(program: Progra
     press_in_details(program, "render_clip", f"{SIZE} == [640, 360]")
     assert program.ask(f"[s.said for s in {VIEWPORT}._in_regions.values() if s.said]") == []
     assert np.abs(middle_rows(program, "clip_shape_again") - clip).mean() < 1
-
-
-def test_a_preview_can_be_ended_when_objects_were_deleted(program: Program) -> None:
-    if program.ask(SHADING) != "RENDERED":
-        call(program, "preview")
-    program.ask(
-        f"with bpy.context.temp_override(selected_objects=[{SETTINGS}.camera]):\n"
-        "    bpy.ops.object.delete()\n"
-    )
-    program.settle()
-    program.shot("deleted")
-    render = "bpy.ops.virtual_aperture.render_clip.poll()"
-    assert not program.ask(render)
-    assert program.ask("bpy.ops.virtual_aperture.preview.poll()")
-    call(program, "preview")
-    assert program.ask(SHADING) == "SOLID"
-    program.ask("bpy.ops.virtual_aperture.restore_objects()")
-    program.settle()
-    assert program.ask(render)
 
 
 def test_a_portrait_clip_after_a_landscape_one_is_seen_whole(program: Program, blend: Path) -> None:
