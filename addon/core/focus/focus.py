@@ -20,8 +20,8 @@ COLLINEAR = 1e-3
 """Share of the extent of the points in focus; points closer to a line define no plane. Chosen by
 inspection."""
 AT_BACKGROUND = 0.05
-"""Relative difference of inverse depths of the focus and the farthest background below which that begins to
-be in focus; at half it is. Chosen by inspection."""
+"""Relative difference of inverse depths of the focus and the farthest background up to which that is in
+focus. Chosen by inspection."""
 IN_PLANE = 1e-6
 """Share of the distance of the points in focus; a camera closer to their plane sees it as a line. Chosen by
 inspection."""
@@ -156,8 +156,8 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
 
     D = 2 R f |1/Z - 1/Zf|. The farthest background is the 2nd percentile of the frame's inverse depths
     (single points farther away are mostly wrong). With the background itself in focus, the nearest
-    foreground, the 98th percentile, takes its place without a jump; whether it is in focus is judged by the
-    90th, as points on moving people seem close to the camera. UserError where there is nothing to blur.
+    foreground, the 98th percentile, takes its place; whether it is in focus is judged by the 90th, as points
+    on moving people seem close to the camera. UserError where there is nothing to blur.
     """
     canvas = reconstruction.canvas(frame)
     # First: where nothing is in focus a million points need not be looked at.
@@ -172,9 +172,8 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
     known = lens.rectified(features.inverse_depth, features.observed)
     far, near, nearest = np.percentile(known, [2, 90, 98])
     contrast = inverse - far
-    limit = max(0.25 * (near - inverse), AT_BACKGROUND * inverse)
-    share = np.interp(contrast, [0.5 * limit, limit], [0.0, 1.0])
-    contrast = max(contrast, share * contrast + (1 - share) * (nearest - inverse))
+    if contrast < max(0.25 * (near - inverse), AT_BACKGROUND * inverse):
+        contrast = max(contrast, nearest - inverse)
     if contrast <= 1e-6 * inverse:
         raise UserError(
             "everything in the picture lies in the focal plane, so there is nothing to blur; focus"
