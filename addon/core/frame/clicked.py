@@ -10,7 +10,7 @@ from ..base.arrays import Mask
 from ..base.progress import part
 from ..depth.source import FAINTEST
 from ..focus.place import Place, PlaceFinder
-from ..subjects.clip_subjects import pixel_at
+from ..subjects.clip_subjects import ClipSubject, pixel_at
 from ..subjects.cut import LEAST
 from ..subjects.found_subjects import SAME
 from ..subjects.people import overlap_of
@@ -33,7 +33,8 @@ def clicked(
     """Find the focus of a click at shares x, y of the picture, (0, 0) top left.
 
     If the depth is unknown or the pixel moves, and there is no known subject, the click marks a new subject.
-    It also marks one where a found object covers less than half of the new subject.
+    It also marks one where a found object covers less than half of the new subject, and where the user's own
+    segmenter cuts out an object, or a found person without a body, such as a cow.
 
     Args:
         clip: The clip.
@@ -59,8 +60,11 @@ def clicked(
             seen(body)
     known = None if is_repaired else clip.subject_at(finder.frame, x, y)
     new_subject = partial(_new_subject, clip, finder.frame, x, y, name, marking, seen)
+    is_object = known is not None and known.kind == "object"
+    if known is not None and known.kind == "person" and subjects.networks.segmenter is not None:
+        is_object = subjects.body_at(finder.frame, x, y) is None
     # Tracks can be on a part of an object only.
-    if known is not None and known.kind == "object" and (place := new_subject()) is not None:
+    if is_object and (place := new_subject(known)) is not None:
         return place
     if known is not None:
         seen(known.mask(finder.frame))
@@ -75,21 +79,26 @@ def _new_subject(
     name: str,
     marking: Callable[[MarkedSubject], ClipContext],
     seen: Callable[[Mask], object],
+    found: ClipSubject | None = None,
 ) -> Place | None:
-    """Cut a subject out of a frame by a click, and focus on it; None without a subject."""
+    """Cut a subject out of a frame by a click, and focus on it; None without a subject.
+
+    The user's own segmenter counts more than the subject that was `found` there.
+    """
     if not clip.may_focus_on_subjects or not clip.reconstruction.is_ordered or _is_masked(clip, frame, x, y):
         return None
     # Rounded like the strokes in a .blend, as their key identifies results.
     at = float(np.float32(x)), float(np.float32(y))
     new = MarkedSubject(name, (Stroke(frame, (at,)),))
-    mask = clip.parts.subjects.carried(new).mask(frame)
-    click = clip.parts.subjects.carried(new).strokes_in(frame)[0]
+    carried = clip.parts.subjects.carried(new)
+    mask, click = carried.mask(frame), carried.strokes_in(frame)[0]
     # It has to be larger than the click, and smaller than a background.
     if np.count_nonzero(mask & ~click) < LEAST or mask.mean() > LARGEST:
         return None
     seen(mask)
+    replaced = found if carried.cut(frame).is_salient else None
     for known in clip.parts.every_subject:
-        if overlap_of(mask, known.mask(frame)) >= SAME:
+        if known is not replaced and overlap_of(mask, known.mask(frame)) >= SAME:
             # The click was beside its outline.
             return replace(clip.subject_place(known.name, frame), xy=(x, y))
     marked = marking(new)
