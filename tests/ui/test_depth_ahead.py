@@ -157,7 +157,8 @@ def test_a_file_saved_elsewhere_keeps_its_working_folder(scene: bpy.types.Scene,
     bpy.ops.wm.open_mainfile(filepath=str(elsewhere))
     settings = bpy.context.scene.virtual_aperture
     assert settings.finds_depth and work_dir(settings, footage_path(settings)) == work.resolve()
-    settings.clip_name = "another.mp4"
+    # Another clip may have the same name.
+    settings.clip_identity = "another"
     assert work_dir(settings, footage_path(settings)).parent == elsewhere.parent.resolve()
 
 

@@ -137,10 +137,11 @@ def work_dir(settings: bpy.types.PropertyGroup, clip: Path, chosen: str | None =
         return absolute(chosen, settings.id_data)
     file = own_file(settings.id_data)
     default = preferred_work_dir(clip, file.parent if file is not None else clip.parent)
-    if settings.solved_in and settings.clip_name == clip.name and not (default / STATE).exists():
-        solved = absolute(settings.solved_in, settings.id_data)
-        return solved if (solved / STATE).exists() else default
-    return default
+    if not settings.solved_in or (default / STATE).exists():
+        return default
+    solved, is_moved = absolute(settings.solved_in, settings.id_data), not clip_exists(clip)
+    is_solved = is_moved or is_clip(clip, settings.clip_identity, at_a_glance=True)
+    return solved if is_solved and (solved / STATE).exists() else default
 
 
 def forget() -> None:
