@@ -149,7 +149,7 @@ def test_a_solve_puts_something_in_focus(
     settings.footage, settings.work_dir = str(clip), str(tmp_path / "work")
     settings.lens, settings.equivalent = "GIVEN", 29.42  # solved in half the time
     assert OPERATORS.solve() == {"FINISHED"}
-    assert "; focused on the nearest large object near the centre" in capsys.readouterr().out
+    assert "Solved, and focused on the nearest large object near the centre" in capsys.readouterr().out
     assert settings.marks.is_first and len(settings.marks.points) == 4 and settings.aperture_radius > 0
     texts = " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
     assert "Automatic focus" in texts

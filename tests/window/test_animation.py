@@ -18,7 +18,8 @@ from .screen import Screen
 from .steps import running
 
 FRAMES = tuple(range(1, 17))
-AHEAD = f"__import__('sys').modules['{EXTENSION}.addon.render.processes.frames_ahead']._ahead"
+MODULE = f"__import__('sys').modules['{EXTENSION}.addon.render.processes.frames_ahead']"
+AHEAD = f"next(iter({MODULE}._prepared), None)"
 
 
 @pytest.fixture(scope="module")

@@ -64,7 +64,8 @@ def test_a_dropped_picture_brings_its_sequence(program: Program, clips: Path) ->
     program.screen.key("s")
     program.wait(f"{SETTINGS}.points is not None", 300)
     program.settle()
-    assert "12 of 12 frames registered" in program.ask("messages()")[-1]
+    assert "12 of 12 frames registered" in program.ask(f"{SETTINGS}.summary")
+    assert "Solved" in program.ask("messages()")[-1]
 
 
 def test_a_clip_that_loses_the_focus_is_asked_about(program: Program, clips: Path) -> None:

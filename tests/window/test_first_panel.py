@@ -24,9 +24,10 @@ pytestmark = pytest.mark.usefixtures("in_order")
 def program(
     hd_screen: Screen, resources: Path, folder: Path, registered: None, desk: Path, desk_work: Path
 ) -> Iterator[Program]:
-    with running(
-        hd_screen, resources, "first_panel", write_desk(folder / "first_panel", desk, desk_work)
-    ) as made:
+    from addon.scene.focus.focus_marks import set_first
+
+    blend = write_desk(folder / "first_panel", desk, desk_work, set_first)
+    with running(hd_screen, resources, "first_panel", blend) as made:
         yield made
 
 

@@ -64,7 +64,7 @@ def test_the_preview_goes_on_when_its_process_is_killed(program: Program) -> Non
     program.shot("killed")
     program.ask(f"{SETTINGS}.views = 16; None")
     program.settle()
-    program.wait(f"not {PREVIEW}.is_busy()", 300)
+    program.wait(f"not {PREVIEW}.note and not {PREVIEW}.is_busy()", 300)
     assert program.ask(f"[{PREVIEW}.note, list({PREVIEW}._problems.values())]") == ["", []]
     assert program.ask(PROCESS) != killed
     assert [line for line in program.said().splitlines() if "begun again" in line] == [f"note: {note}"]
