@@ -49,6 +49,8 @@ def read(path: Path, size: tuple[int, int]) -> Imported:
     """Read the cameras of a file or of ViPE's folder; see `Reader.read`."""
     path = _poses_in(path) or path
     kind = _kind(path)
+    if not kind:
+        raise wrong(path, "an archive with the arrays of one program")
     model, names = KINDS[kind][1](path, size)
     return Imported(model, kind, names=names)
 
