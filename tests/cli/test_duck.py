@@ -25,10 +25,7 @@ def sharpness(picture: np.ndarray, box: tuple[int, int, int, int], dx: int = 0, 
     return float(cv2.Laplacian(part.astype(float), cv2.CV_64F).var())
 
 
-LOST = pytest.mark.xfail(
-    strict=True,
-    reason="in frame 118 a part of the helmet, which the duck's matte leaves out, has a wrong depth",
-)
+LOST = pytest.mark.xfail(strict=True, reason="in frame 118 a part of the helmet beside the matte is blurred")
 
 
 @pytest.mark.parametrize("name", [pytest.param("####.png", marks=LOST), "duck.mp4"])
