@@ -58,6 +58,8 @@ def main() -> None:
              for value in values.split(",")]  # fmt: skip
     variants = [*given, *options.without, *(each for name in options.inspected for each in inspected(name))]
     before = run("", options)
+    if not before:
+        sys.exit("the code as it is cannot be measured on these scenes; the reason stands above")
     print("| variant | " + " | ".join(f"{name} {before[name]:.2f} dB" for name in before) + " |")
     print("|---" * (len(before) + 1) + "|")
     with ThreadPoolExecutor(2) as pool:

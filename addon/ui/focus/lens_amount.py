@@ -14,8 +14,6 @@ KINDS = (
     ("F_STOP", "F-Stop", "Store the aperture as an f-stop"),
     ("RADIUS", "Radius", "Store the aperture as its radius in scene units"),
 )
-
-
 FASTEST = 0.5
 """Least f-stop of a lens in air: light then comes from a whole half space."""
 
