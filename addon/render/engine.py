@@ -221,17 +221,20 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
 
     @contextmanager
     def _first_look(self, scene: bpy.types.Scene, size: tuple[int, int], layer: str) -> Iterator[None]:
-        """Where somebody looks, and depth must be found, show a first look at the frame meanwhile."""
+        """Where somebody looks, show a first look at the frame while depth or CG objects are made."""
         shown = None
         if not (bpy.app.background or self.is_animation):
             wanted = Wanted(*lens_of(scene, size), size)
             # Errors of the frame are reported when it is drawn.
             with suppress(UserError):
-                if not has_depth(wanted):
+                slow = "" if has_depth(wanted) else "from this frame alone; finding depth"
+                if not slow and hasattr(scene, "cycles") and draw_cg(scene, layer) is not None:
+                    slow = f"without CG objects; Cycles takes {scene.cycles.samples} samples for them"
+                if slow:
                     look = make_picture(wanted, FIRST).linear.astype(np.float32)
                     shown = self._begin({"Combined": look}, scene.render, layer)
                     self.update_result(shown)
-                    self._title += " | First look from this frame alone; finding depth"
+                    self._title += f" | First look {slow}"
         try:
             yield
         finally:

@@ -118,7 +118,9 @@ def _on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     own = [each for each in (ours.camera, ours.points, ours.aperture) if each is not None]
     own += [each.data for each in own]
     changed = [update.id.original for update in depsgraph.updates]
-    if any(not isinstance(each, bpy.types.Scene) and each not in own for each in changed):
+    # The clip's sound is updated whenever the file is written, as it is for the process that draws them.
+    others = bpy.types.Scene, bpy.types.Sound
+    if any(not isinstance(each, others) and each not in own for each in changed):
         _objects.version += 1
 
 
