@@ -83,6 +83,12 @@ class PreviewProperties:
         options=set(),
         update=_redraw_viewports,
     )
+    focus_by_click: BoolProperty(
+        name="Focus by Click",
+        description="A click on the preview's picture puts what is there in focus. Off, it selects objects",
+        default=True,
+        options=set(),
+    )
     viewport_wipe: FloatProperty(
         name="Compare",
         description="Show the clip as it was shot over this much of the preview, from the left",

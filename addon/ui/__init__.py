@@ -38,7 +38,7 @@ CLASSES = (
     ),
     *panels.CLASSES,
 )  # fmt: skip
-PARTS = engine_panels, file_import, lens_presets, exr, quit_question
+PARTS = engine_panels, file_import, lens_presets, exr, quit_question, live_preview
 """Modules that add something to Blender besides classes."""
 # `POST_VIEW` follows what takes overlays away from the preview's picture: the points are drawn over that.
 OVERLAYS = (

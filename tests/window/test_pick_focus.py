@@ -12,7 +12,7 @@ import pytest
 from .clips import write_desk
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import MARKS, PICKING, begin, ended, over, running
+from .steps import LEFT, MARKS, PICKING, begin, ended, over, running
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 POINTS = f"list({SETTINGS}.marks.points)"
@@ -153,3 +153,22 @@ def test_a_key_that_is_moved_in_the_timeline_is_the_users(program: Program) -> N
     assert program.ask(MARKS) == before
     edited(program, "1", "ctrl+z")
     program.wait(f"not {users}({SETTINGS})")
+
+
+def test_a_click_on_the_preview_focuses_there(program: Program) -> None:
+    program.ask("bpy.context.scene.frame_set(1)")
+    program.press("virtual_aperture.preview", across=LEFT)
+    program.wait("view('VIEW_3D')['area'].spaces.active.shading.type == 'RENDERED'")
+    program.screen.move(*over(program, GLOBE))
+    program.settle()
+    program.shot("before_the_tap")
+    for place in (FLOOR, GLOBE):
+        program.screen.click(*over(program, place))
+        program.wait(f"abs({SETTINGS}.marks.items[0].places[0].xy[0] - {place[0]}) < 0.004")
+        ended(program)
+    program.shot("tapped")
+    program.ask(f"{SETTINGS}.focus_by_click = False\nNone")
+    before = program.ask(MARKS)
+    program.screen.click(*over(program, FLOOR))
+    program.settle()
+    assert program.ask(MARKS) == before and not program.ask(PICKING)

@@ -9,6 +9,8 @@ from ...render.engine import VirtualApertureEngine
 from ...render.viewport.viewport import PREVIEW, camera_frame
 from ...scene import parts
 from ..base.operators import NO_CAMERA, Acts, has_solve, is_met
+from ..focus import focus_strip
+from ..picking.pick_focus import VIRTUAL_APERTURE_OT_pick_focus
 from ..picking.pick_view import WHITE, XY, line, ring
 
 NEAR = 8.0
@@ -114,6 +116,25 @@ class VIRTUAL_APERTURE_GT_wipe(bpy.types.Gizmo):  # noqa: N801
             context.scene.virtual_aperture.viewport_wipe = self.before
 
 
+class VIRTUAL_APERTURE_GT_picture(bpy.types.Gizmo):  # noqa: N801
+    """Takes clicks on the picture, which set the focus."""
+
+    bl_idname = "VIRTUAL_APERTURE_GT_picture"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw nothing: the picture is the preview's."""
+
+    def test_select(self, context: bpy.types.Context, location: XY) -> int:
+        """Return 0 over the picture, else -1; not over the strip, nor while vertices are selected."""
+        settings, frame = context.scene.virtual_aperture, camera_frame(context, context.scene)
+        if frame is None or not settings.focus_by_click or context.mode != "OBJECT":
+            return -1
+        strip = focus_strip.strip_of(context)
+        left, bottom, width, height = frame
+        is_in = left <= location[0] <= left + width and bottom <= location[1] <= bottom + height
+        return 0 if is_in and (strip is None or location[1] > strip.top) else -1
+
+
 class VIRTUAL_APERTURE_GGT_wipe(bpy.types.GizmoGroup):  # noqa: N801
     """The line, in viewports that show the preview."""
 
@@ -128,8 +149,11 @@ class VIRTUAL_APERTURE_GGT_wipe(bpy.types.GizmoGroup):  # noqa: N801
         return is_shown(context) and context.scene.virtual_aperture.points is not None
 
     def setup(self, _context: bpy.types.Context) -> None:
-        gizmo = self.gizmos.new(VIRTUAL_APERTURE_GT_wipe.bl_idname)
-        gizmo.use_draw_modal = True
+        self.gizmos.new(VIRTUAL_APERTURE_GT_wipe.bl_idname).use_draw_modal = True
+        # After the line, which is over the same picture.
+        picture = self.gizmos.new(VIRTUAL_APERTURE_GT_picture.bl_idname)
+        picture.target_set_operator(VIRTUAL_APERTURE_OT_pick_focus.bl_idname).tap = True
+        picture.use_tooltip = False
 
 
 def _line(context: bpy.types.Context) -> tuple[float, float, float] | None:
@@ -140,3 +164,18 @@ def _line(context: bpy.types.Context) -> tuple[float, float, float] | None:
     left, bottom, width, height = frame
     x = left + context.scene.virtual_aperture.viewport_wipe * width
     return x, max(bottom, 0.0), min(bottom + height, float(context.region.height))
+
+
+def _draw_header(header: bpy.types.Header, context: bpy.types.Context) -> None:
+    if is_shown(context) and context.scene.virtual_aperture.points is not None:
+        header.layout.prop(context.scene.virtual_aperture, "focus_by_click", text="", icon="EYEDROPPER")
+
+
+def register() -> None:
+    """Add the switch of clicks to the header of 3D viewports."""
+    bpy.types.VIEW3D_HT_header.append(_draw_header)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.types.VIEW3D_HT_header.remove(_draw_header)

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import bpy
 
+from ...core.base.errors import UserError
+from ...core.focus.picking import unsolved
 from ...core.focus.place import Place
 from ...scene.base.timeline import clip_frame
 from ...scene.focus import focus_marks
@@ -22,6 +24,11 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
     """
 
     add: ADD_MARK
+    tap: bpy.props.BoolProperty(
+        name="Tap",
+        description="The mouse is over the place: take it, and end",
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
     x: bpy.props.FloatProperty(
         name="X",
         description="Position from the left, as a fraction of the image width",
@@ -53,6 +60,21 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
         places = [replace(each, is_automatic=False) for each in known if not each.is_bare]
         self._had_places = bool(places)
         return places
+
+    def on_event(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if not self.tap or self._work is not None or event.type == "ESC":
+            return super().on_event(context, event)
+        # The button is still held as the operator begins.
+        if event.type != "LEFTMOUSE" or event.value != "RELEASE":
+            return {"PASS_THROUGH"}
+        if (frame := clip_frame(self._scene)) not in (solved := self._context.reconstruction).frames:
+            raise UserError(unsolved(solved, frame))
+        if self._view.place(self._scene, event) is None:
+            self._end(context)
+            return {"CANCELLED"}
+        # With Shift, more places follow.
+        self.tap = not event.shift
+        return self._click(context, event)
 
     def search(self, at: XY) -> Callable[[], Place]:
         taken = [place.marks.name for place in self._places if place.marks is not None]

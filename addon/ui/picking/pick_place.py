@@ -28,6 +28,8 @@ class PicksPlaces(PicksInView):
 
     joins = False
     """True if a line connects the last pick to the mouse."""
+    tap = False
+    """True if the operator ends after one place, found or not."""
     _shifted = False
     """True if Shift was held for the present place."""
     _finder: PlaceFinder | None = None
@@ -63,7 +65,7 @@ class PicksPlaces(PicksInView):
 
     def on_event(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
-            if self._work is not None:
+            if self._work is not None and not self.tap:
                 self._stop(context)
                 self._say("")
                 return {"RUNNING_MODAL"}
@@ -143,7 +145,7 @@ class PicksPlaces(PicksInView):
         self._stop(context)
         # The frame's depth is known now.
         self._finder = None
-        if isinstance(work.error, UserError):
+        if isinstance(work.error, UserError) and not self.tap:
             text = work.error.worded(WORDS)
             self._overlay.text = "The depth here is unknown"
             self._say(sentence(text))
