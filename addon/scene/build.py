@@ -81,7 +81,9 @@ def build(
     settings.clip_first, settings.clip_last = footage.frames[0], footage.frames[-1]
     settings.clip_pixel_aspect = footage.pixel_aspect
     settings.clip_step = math.gcd(*(frame - footage.frames[0] for frame in footage.frames)) or 1
-    settings.clip_notes = "\n".join([*footage.notes, *_background_notes(settings, footage)])
+    problem = "" if footage.is_stills else _background_problem(settings, footage)
+    seen = [f"the camera has no background image, because {problem}"] if problem else []
+    settings.clip_notes = "\n".join([*footage.notes, *seen])
     settings.segmenter = settings.segmenter or preferred_segmenter()
     depth_of_field.forget_scale(settings)
     focus_marks.clear(settings)
@@ -264,11 +266,6 @@ def _background_problem(settings: VirtualApertureSettings, footage: Footage) -> 
         BlenderView.CROPPED: "Blender does not crop the clip as its file says",
         BlenderView.TRACK: "Blender shows another video track of the file",
     }.get(footage.video.view, "")
-
-
-def _background_notes(settings: VirtualApertureSettings, footage: Footage) -> list[str]:
-    problem = "" if footage.is_stills else _background_problem(settings, footage)
-    return [f"the camera has no background image, because {problem}"] if problem else []
 
 
 def first_file(footage: Footage) -> Path:

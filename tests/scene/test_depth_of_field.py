@@ -98,7 +98,10 @@ def test_sharp_distances_are_those_of_the_command_line(scene: bpy.types.Scene, t
     settings.aperture_radius = 0.05
     expected = core_sharp_distances(made.reconstruction, Focus(distance=8.0), 1, 0.05)
     assert depth_of_field.sharp_distances(settings) == pytest.approx(expected, rel=1e-6)
-    assert depth_of_field.sharp_words(settings) == "Sharp: 7.48 to 8.6"
+    assert depth_of_field.sharp_words(settings) == "Sharp: 7.48 units to 8.6 units"
+    settings.guessed_scale = 0.5
+    assert depth_of_field.sharp_words(settings) == "Sharp: ≈ 3.7 m to ≈ 4.3 m"
+    settings.guessed_scale = 0.0
     assert depth_of_field.sharp_words(settings) in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).texts
     # Whatever it depends on is seen at once.
     settings.aperture_radius = 1e-4

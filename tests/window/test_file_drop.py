@@ -121,5 +121,5 @@ def test_a_model_is_imported_for_the_clip(program: Program, clips: Path) -> None
     drop(program, clips / "model" / "cameras.txt")
     program.wait(f"len({SETTINGS}.points.data.vertices) == 12")
     program.settle()
-    assert "COLMAP text: Solved" in program.ask("messages()")[-1]
+    assert "Imported COLMAP text. Solved" in program.ask("messages()")[-1]
     assert "4 of 4 frames" in program.ask(f"{SETTINGS}.summary")

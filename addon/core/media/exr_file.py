@@ -46,17 +46,13 @@ def write_exr(path: Path, channels: Mapping[str, Samples]) -> None:
             offsets.append(file.tell())
             rows = slice(first, first + _ZIP_ROWS)
             # A row is all of one channel, then all of the next.
-            lines = [_bytes_of(channels[name][rows]) for name in names]
-            packed = _packed(np.concatenate(lines, axis=1).ravel())
+            lines = [channels[name][rows] for name in names]
+            little = [np.ascontiguousarray(each, each.dtype.newbyteorder("<")) for each in lines]
+            packed = _packed(np.concatenate([each.view(np.uint8) for each in little], axis=1).ravel())
             file.write(struct.pack("<2i", first, len(packed)))
             file.write(packed)
         file.seek(len(header))
         file.write(struct.pack(f"<{len(offsets)}Q", *offsets))
-
-
-def _bytes_of(rows: Samples) -> NDArray[np.uint8]:
-    """(h, n) the bytes of rows (h, W), the least significant first."""
-    return np.ascontiguousarray(rows, rows.dtype.newbyteorder("<")).view(np.uint8)
 
 
 def _packed(data: NDArray[np.uint8]) -> bytes:

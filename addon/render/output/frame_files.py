@@ -26,7 +26,7 @@ from ...core.media.picture_file import Pixels, read_picture
 from ...core.media.video import VideoReader, video_info
 from ...scene.base.timeline import go_to
 from ...scene.lens.lens import frame_options
-from ...scene.sources.shot import Shot, shot_of
+from ...scene.sources.shot import shot_of
 from ..views.frame_size import render_size, written_size
 
 HEADER = 1 << 16
@@ -292,9 +292,10 @@ def frame_keys(scene: bpy.types.Scene, frames: list[int]) -> dict[int, str]:
 def _clip_key(scene: bpy.types.Scene) -> str:
     """The key of all inputs but the lens."""
     shot = shot_of(scene)
+    maps = shot.depth and (clip_digest(shot.depth.maps.pictures.path), shot.depth.fit.line.tolist())
     parts = (
         code_digest(*ROOMS), clip_digest(shot.footage.path), shot.clip_digests, shot.mask_digests,
-        _depth_digest(shot), shot.working, render_size(scene.render), written_size(scene.render),
+        maps, shot.working, render_size(scene.render), written_size(scene.render),
         scene.get(GRADED),
     )  # fmt: skip
     return hashlib.sha256(repr(parts).encode()).hexdigest()
@@ -305,9 +306,3 @@ def _with_lens(scene: bpy.types.Scene, key: str, frame: int) -> str:
     go_to(scene, frame)
     lens = frame_options(scene.virtual_aperture, shot_of(scene).reconstruction)
     return hashlib.sha256(f"{key} {lens!r}".encode()).hexdigest()
-
-
-def _depth_digest(shot: Shot) -> tuple[str, list[float]] | None:
-    if shot.depth is None:
-        return None
-    return clip_digest(shot.depth.maps.pictures.path), shot.depth.fit.line.tolist()

@@ -144,10 +144,12 @@ def sharp_words(settings: bpy.types.PropertyGroup) -> str:
 def length_words(settings: bpy.types.PropertyGroup, length: float) -> str:
     """Return a length in scene units like the scene's other lengths.
 
-    It is a bare number while the scale is unknown.
+    While the scale is unknown it is about in metres, by the people in the clip, or in units.
     """
-    units = settings.id_data.unit_settings
-    if units.system == "NONE" or not settings.metres_per_unit > 0:
+    units, guess = settings.id_data.unit_settings, settings.guessed_scale
+    if not settings.metres_per_unit > 0:
+        return f"≈ {length * guess:.2g} m" if guess > 0 else f"{length:.3g} units"
+    if units.system == "NONE":
         return f"{length:.3g}"
     said: str = bpy.utils.units.to_string(units.system, "LENGTH", length * units.scale_length, precision=3)
     return said

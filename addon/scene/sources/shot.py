@@ -253,7 +253,7 @@ def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
         str(settings.clip_pixel_aspect), str(settings.fixed),
     )  # fmt: skip
     shot = _shots.get(key)
-    if shot is None or _was_redrawn(shot, drawn, clip_frame(scene)):
+    if shot is None or (shot.drawn and drawn and not shot.drawn.is_still(drawn, clip_frame(scene))):
         reconstruction = reconstruction_of(settings)
         footage = _opened(settings, path)
         check_frames(footage)
@@ -275,10 +275,6 @@ def shot_of(scene: bpy.types.Scene, within: float = 0.0) -> Shot:
     _shots.clear()
     _shots[key] = shot
     return shot
-
-
-def _was_redrawn(shot: Shot, mask: bpy.types.Mask | None, frame: int) -> bool:
-    return shot.drawn is not None and mask is not None and not shot.drawn.is_still(mask, frame)
 
 
 def solved_clip(settings: bpy.types.PropertyGroup) -> Footage:

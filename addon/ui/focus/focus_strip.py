@@ -120,12 +120,12 @@ class Strip:
 def strip_of(context: bpy.types.Context) -> Strip | None:
     """Return the strip of a 3D viewport; None where there is none.
 
-    There is none outside of the solved camera's view, without overlays, for a single mark, which the panel
-    names, and during a pick.
+    There is none outside of the solved camera's view, without overlays, before the first mark is picked, and
+    during a pick.
     """
     scene, space, region, view = context.scene, context.space_data, context.region, context.region_data
     settings = scene.virtual_aperture
-    if not (len(settings.marks.items) > 1 and space.overlay.show_overlays):
+    if not (len(settings.marks.items) and space.overlay.show_overlays) or settings.marks.is_first:
         return None
     looked = space.camera if space.use_local_camera else scene.camera
     if view is None or view.view_perspective != "CAMERA" or looked is None or looked != settings.camera:

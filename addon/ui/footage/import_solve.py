@@ -67,7 +67,7 @@ class Import(operators.Named):
         depth_ahead.begin_after_solve(folder)
         focus_on_person(self, context.scene)
         report_hidden(self, context.scene)
-        self.report({"INFO"}, f"{found.format}: {solved_words(context.scene)}")
+        self.report({"INFO"}, f"Imported {found.format}. {solved_words(context.scene)}")
         for note in (*found.notes, *([refocus] if refocus else [])):
             self.report({"WARNING"}, note)
         return {"FINISHED"}
