@@ -6,6 +6,7 @@
 import bpy
 
 from ..core.base.worker import end_all
+from ..core.media import picture_file
 from ..render import engine
 from ..render.cg import cg_process
 from ..render.output import background
@@ -38,8 +39,14 @@ CLASSES = (
     ),
     *panels.CLASSES,
 )  # fmt: skip
-PARTS = engine_panels, file_import, lens_presets, exr, quit_question, live_preview
+PARTS = engine_panels, quit_question
 """Modules that add something to Blender besides classes."""
+MENUS = (
+    (bpy.types.TOPBAR_MT_file_import, file_import.draw_menu),
+    (bpy.types.VIEW3D_HT_header, live_preview.draw_header),
+    (bpy.types.STATUSBAR_HT_header, quit_question.draw), (bpy.types.TOPBAR_MT_file, quit_question.draw),
+)  # fmt: skip
+"""Menus and headers of Blender's, with the functions that draw in them, too."""
 # `POST_VIEW` follows what takes overlays away from the preview's picture: the points are drawn over that.
 OVERLAYS = (
     (focus_strip.draw, "POST_PIXEL"), (viewport.clear_overlays, "POST_VIEW"),
@@ -62,6 +69,10 @@ def register() -> None:
     file_handlers.look()
     for module in PARTS:
         module.register()
+    picture_file.exr_decoder = exr.read
+    bpy.utils.register_preset_path(str(lens_presets.ROOT))
+    for menu, drawn in MENUS:
+        menu.append(drawn)
     for draw, when in OVERLAYS:
         overlay.show(draw, when)
     events.register()
@@ -77,6 +88,10 @@ def unregister() -> None:
     main_thread.stop()
     # The timer that looked after them is gone.
     end_all(LEFT)
+    for menu, drawn in MENUS:
+        menu.remove(drawn)
+    bpy.utils.unregister_preset_path(str(lens_presets.ROOT))
+    picture_file.exr_decoder = None
     for module in reversed(PARTS):
         module.unregister()
     clip.forget()

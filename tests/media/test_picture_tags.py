@@ -15,6 +15,7 @@ from PIL import Image, ImageOps
 
 from addon.core.base.errors import UserError
 from addon.core.depth.user_maps import open_depth
+from addon.core.media import picture_file
 from addon.core.media.clip import Footage, open_footage
 from addon.core.media.masks import open_masks
 from addon.scene.base import exr as blender_exr
@@ -96,9 +97,9 @@ RATIOS = [0.5, 8 / 9, 1.0, 1.004, 12 / 11, 4 / 3, 1.5, 1.8, 2.0]
 
 
 @pytest.fixture(autouse=True)
-def decoder(registered: None) -> None:
+def decoder(registered: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Blender's EXR decoder."""
-    blender_exr.register()
+    monkeypatch.setattr(picture_file, "exr_decoder", blender_exr.read)
 
 
 @pytest.mark.parametrize("kind", RATIO_KINDS)

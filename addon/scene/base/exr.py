@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.base.regular_file import read_regular
-from ...core.media import picture_file
 from ...core.media.exr_parts import without_colours
 
 
@@ -35,13 +34,3 @@ def read(picture: Path | bytes) -> NDArray[np.float32]:
         alpha = shown[..., 3:]
         np.divide(shown[..., :3], alpha, out=shown[..., :3], where=alpha > 0)
     return shown if shown.shape[2] >= 3 else np.repeat(shown[..., :1], 3, axis=2)
-
-
-def register() -> None:
-    """Let picture files be read with it."""
-    picture_file.exr_decoder = read
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    picture_file.exr_decoder = None

@@ -124,13 +124,3 @@ def preset_files() -> list[Path]:
 def _by_number(name: str) -> list[tuple[int, str]]:
     """A key by which 85 mm comes before 100 mm."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name.lower())]
-
-
-def register() -> None:
-    """Have Blender look for presets here, too."""
-    bpy.utils.register_preset_path(str(ROOT))
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_preset_path(str(ROOT))

@@ -176,20 +176,11 @@ class VIRTUAL_APERTURE_FH_model(_OnViewport, bpy.types.FileHandler):  # noqa: N8
     bl_file_extensions = ";".join(ENDINGS)
 
 
-def _draw_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+def draw_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    """Draw the entries of File > Import."""
     layout = menu.layout
     layout.operator(VIRTUAL_APERTURE_OT_import_clip.bl_idname, text="Virtual Aperture Clip")
     layout.operator(
         import_solve.VIRTUAL_APERTURE_OT_import_solve.bl_idname,
         text="Virtual Aperture Solve (COLMAP, Bundler, nerfstudio, ...)",
     )
-
-
-def register() -> None:
-    """Add the entries of File > Import."""
-    bpy.types.TOPBAR_MT_file_import.append(_draw_menu)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.types.TOPBAR_MT_file_import.remove(_draw_menu)

@@ -44,7 +44,7 @@ class VIRTUAL_APERTURE_OT_close_blender(Named, bpy.types.Operator):  # noqa: N80
         return {"FINISHED"}
 
 
-def _draw(shown: Any, _context: bpy.types.Context) -> None:
+def draw(shown: Any, _context: bpy.types.Context) -> None:
     """Name in a header or menu what ends when Blender does."""
     made = work()
     if made is not None:
@@ -52,11 +52,9 @@ def _draw(shown: Any, _context: bpy.types.Context) -> None:
 
 
 def register() -> None:
-    """Add the key and the lines, where there is a window."""
+    """Add the key, where there is a window."""
     if bpy.app.background:
         return
-    for shown in (bpy.types.STATUSBAR_HT_header, bpy.types.TOPBAR_MT_file):
-        shown.append(_draw)
     keymap = bpy.context.window_manager.keyconfigs.addon.keymaps.new("Window")
     command = {"oskey": True} if sys.platform == "darwin" else {"ctrl": True}
     item = keymap.keymap_items.new(VIRTUAL_APERTURE_OT_close_blender.bl_idname, "Q", "PRESS", **command)
@@ -65,10 +63,6 @@ def register() -> None:
 
 def unregister() -> None:
     """Undo `register`."""
-    if bpy.app.background:
-        return
     while _keys:
         keymap, item = _keys.pop()
         keymap.keymap_items.remove(item)
-    for shown in (bpy.types.STATUSBAR_HT_header, bpy.types.TOPBAR_MT_file):
-        shown.remove(_draw)

@@ -166,16 +166,7 @@ def _line(context: bpy.types.Context) -> tuple[float, float, float] | None:
     return x, max(bottom, 0.0), min(bottom + height, float(context.region.height))
 
 
-def _draw_header(header: bpy.types.Header, context: bpy.types.Context) -> None:
+def draw_header(header: bpy.types.Header, context: bpy.types.Context) -> None:
+    """Draw the switch of clicks in the header of a 3D viewport."""
     if is_shown(context) and context.scene.virtual_aperture.points is not None:
         header.layout.prop(context.scene.virtual_aperture, "focus_by_click", text="", icon="EYEDROPPER")
-
-
-def register() -> None:
-    """Add the switch of clicks to the header of 3D viewports."""
-    bpy.types.VIEW3D_HT_header.append(_draw_header)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.types.VIEW3D_HT_header.remove(_draw_header)
