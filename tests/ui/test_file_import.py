@@ -78,6 +78,25 @@ def test_only_a_focus_of_another_clip_is_lost(scene: bpy.types.Scene, tmp_path: 
     assert not file_import.loses_focus(settings, shot.footage.path)
 
 
+def test_a_clip_can_have_a_scene_of_its_own(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path / "one", LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    settings.focus_distance = 7.0
+    before = settings.footage, settings.points, len(bpy.data.scenes)
+    clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
+    assert bpy.ops.virtual_aperture.import_clip(filepath=str(clip), into="NEW") == {"FINISHED"}
+    made = bpy.context.window.scene
+    assert made != scene and made.name == clip.stem and made.virtual_aperture.points is not None
+    assert made.virtual_aperture.points != settings.points
+    assert (settings.footage, settings.points, len(bpy.data.scenes) - 1) == before
+    assert settings.focus_distance == 7.0
+    bpy.data.scenes.remove(made)
+    still = write_frames(tmp_path / "still", LENS, tuple(range(1, 13)))
+    with pytest.raises(RuntimeError):
+        bpy.ops.virtual_aperture.import_clip(filepath=str(still), into="NEW")
+    assert bpy.context.window.scene == scene and len(bpy.data.scenes) == before[2]
+
+
 @pytest.mark.long
 def test_the_folder_of_another_clip_is_left(scene: bpy.types.Scene, tmp_path: Path) -> None:
     work = choose_clip(scene, tmp_path)

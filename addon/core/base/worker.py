@@ -79,8 +79,8 @@ class Call[T]:
 
     def __init__(self, number: int, send: Callable[[Message], None]) -> None:
         self.number, self._send = number, send
-        self.stage, self.share = "", 0.0
-        """Name of the present stage, and the finished share in [0, 1]."""
+        self.stage, self.share, self.advance = "", 0.0, Advance()
+        """Name of the present stage, and the finished share in [0, 1], which never falls."""
         self.shown: list[Any] = []
         """All that the function has shown so far."""
         self.is_begun = self.ended = False
@@ -235,7 +235,8 @@ class Worker:
                 self._answered(message)
             elif isinstance(message, Progress) and message.call is not None:
                 call = self.calls[message.call]
-                call.stage, call.share, call.is_begun = message.stage, message.share or 0.0, True
+                call.stage, call.is_begun = message.stage, True
+                call.share = call.advance.to(message.share or 0.0)
             elif isinstance(message, Progress):
                 self._progressed(message)
             elif isinstance(message, Warned):

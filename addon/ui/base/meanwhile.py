@@ -82,6 +82,9 @@ class Meanwhile(Named):
         try:
             while not self.look():
                 time.sleep(LOOK)
+        except BaseException:
+            self.give_up()
+            raise
         finally:
             self.end()
         result: Result = self.conclude()

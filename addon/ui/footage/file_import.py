@@ -83,15 +83,49 @@ class VIRTUAL_APERTURE_OT_import_clip(ShowsClips, solve.Solves, bpy.types.Operat
     # Blender shows it where other handlers take the file, too.
     bl_label = "Solve with Virtual Aperture"
 
-    draw = VIRTUAL_APERTURE_OT_choose_clip.draw
+    into: bpy.props.EnumProperty(
+        name="Open In",
+        items=[
+            ("HERE", "Replace", "Solve the clip in this scene, whose focus is lost"),
+            ("NEW", "Add as New Scene", "Solve the clip in a scene of its own, and leave this one as it is"),
+        ],
+        options={"SKIP_SAVE"},
+    )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        if not self._later:
+            VIRTUAL_APERTURE_OT_choose_clip.draw(self, context)
+            return
+        self.layout.label(text=self.question(context)["message"])
+        self.layout.row().prop(self, "into", expand=True)
+
+    def _open(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if not (words := self.question(context)):
+            return super()._open(context, event)
+        self._later = {self.sure_by: True}
+        answer: Result = context.window_manager.invoke_props_dialog(
+            self, title=words["title"], confirm_text=words["confirm_text"]
+        )
+        return answer
+
+    def begin(self, context: bpy.types.Context) -> None:
+        if self.into == "NEW":
+            clip, _ = self.solved_clip(context.scene.virtual_aperture)
+            context.window.scene = bpy.data.scenes.new(clip.stem)
+        super().begin(context)
+
+    def give_up(self) -> None:
+        super().give_up()
+        if self.into == "NEW":
+            bpy.data.scenes.remove(bpy.data.scenes[self._scene])
 
     def question(self, context: bpy.types.Context) -> dict[str, str]:
         settings = context.scene.virtual_aperture
         clip, _ = self.solved_clip(settings)
         if self.sure or not loses_focus(settings, clip):
             return {}
-        message = f"The focus set for {settings.clip_name} will be lost"
-        return {"title": f"Replace {settings.clip_name}?", "message": message, "confirm_text": "Replace"}
+        message = f"In this scene, the focus set for {settings.clip_name} will be lost"
+        return {"title": f"Replace {settings.clip_name}?", "message": message, "confirm_text": "Solve"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if bpy.app.background or self.filepath:

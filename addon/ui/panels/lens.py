@@ -28,10 +28,7 @@ class VIRTUAL_APERTURE_PT_lens(ClosedPanel, bpy.types.Panel):  # noqa: N801
         kind = lens_amount.stored_by(settings)
         lens_amount.draw_kinds(layout, kind)
         # The percentage in the first panel cannot have keys.
-        if kind == "BLUR":
-            layout.prop(settings, "blur", text="Animated Blur")
-        else:
-            layout.prop(settings, lens_amount.FIELDS[kind])
+        layout.prop(settings, "blur" if kind == "BLUR" else lens_amount.FIELDS[kind])
         self.layout.operator("virtual_aperture.add_lens_camera", icon="CAMERA_DATA")
 
 
