@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -20,10 +21,13 @@ from addon.core.subjects.cut import Cut
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.strokes import MarkedSubject
 
+from ..onnx_files import red
 from . import walls
 from .walls import HEIGHT, LENS, WIDTH, disc, filmed, overlap, place
 
 FRAME, FEW = 16, tuple(range(11, 22))
+RIM = 23
+"""Pixels across by which a found object is wider than the disc in it."""
 
 
 def click(
@@ -95,6 +99,34 @@ def test_a_click_on_a_small_part_that_was_found_marks_the_whole(clip: walls.Film
     found = click(replace(clip, known_subjects=subjects), *place(FRAME), name="Disc")
     assert found.marks is not None
     assert overlap(subjects.marked(found.marks).mask(FRAME), disc(FRAME)) > 0.75
+
+
+def red_disc(frame: int) -> Bytes:
+    """The clip with a disc that the network of `red` finds."""
+    picture = walls.with_disc(frame)
+    picture[disc(frame)] = 200, 30, 40
+    return picture
+
+
+@pytest.mark.parametrize(("right", "is_part"), [(0, True), (30, False)], ids=["whole", "beside"])
+def test_a_cut_of_the_segmenter_is_the_subject_unless_it_is_a_part(
+    tmp_path: Path, right: int, is_part: bool
+) -> None:
+    """A found object of three times the disc's area, about it or so far beside it that half of it is out."""
+    clip, file = filmed(red_disc, FEW), tmp_path / "red.onnx"
+    file.write_bytes(red())
+    subjects = ClipSubjects(clip.reconstruction, clip.read, networks=Networks(walls.NONE, file))
+
+    def cut(frame: int) -> Cut:
+        picture = subjects.pictures.picture(frame)
+        found = cv2.dilate(disc(frame).astype(np.uint8), np.ones((RIM, RIM), np.uint8))
+        found = np.roll(found, right, axis=1).astype(np.float32)
+        return Cut.known(picture, cv2.resize(found, picture.shape[1::-1]), 1.0)
+
+    vars(subjects)["objects"] = [ClipSubject("object 1", "object1", cut, kind="object")]
+    x, y = place(FRAME)
+    found = click(replace(clip, known_subjects=subjects), x + right / 2, y, name="Disc")
+    assert (found.marks is None) == is_part
 
 
 def test_a_click_on_a_person_shows_a_body_before_people_are_searched() -> None:

@@ -19,6 +19,9 @@ from .clip_context import ClipContext
 
 LARGEST = 0.5
 """Largest share of the picture of a marked subject; a larger one is background."""
+INSIDE = 0.75
+"""Share of the segmenter's cut inside a found subject, from which on it is a part of it. Of a kitten's head
+it is 0.79, of a bag in a man's hand 0.95, of a goat with which half a slope was found 0.55."""
 
 
 def clicked(
@@ -83,7 +86,7 @@ def _new_subject(
 ) -> Place | None:
     """Cut a subject out of a frame by a click, and focus on it; None without a subject.
 
-    The user's own segmenter counts more than the subject that was `found` there.
+    The user's own segmenter counts more than the subject that was `found` there, unless it cuts out a part.
     """
     if not clip.may_focus_on_subjects or not clip.reconstruction.is_ordered or _is_masked(clip, frame, x, y):
         return None
@@ -96,7 +99,9 @@ def _new_subject(
     if np.count_nonzero(mask & ~click) < LEAST or mask.mean() > LARGEST:
         return None
     seen(mask)
-    replaced = found if carried.cut(frame).is_salient else None
+    whole = mask if found is None else found.mask(frame)
+    is_part = overlap_of(mask, whole) >= INSIDE and overlap_of(whole, mask) < SAME
+    replaced = found if carried.cut(frame).is_salient and not is_part else None
     for known in clip.parts.every_subject:
         if known is not replaced and overlap_of(mask, known.mask(frame)) >= SAME:
             # The click was beside its outline.

@@ -78,7 +78,9 @@ class PictureNetwork:
                 raise ValueError(f"its input is {_sides(shape)}, not a picture: 1 x 3 x height x width")
             self._sides = shape[2:] or (0, 0)
             self._normal = normal(self._sides)
-            self._output = _first_output(data)
+            # Networks with several outputs give the finest one first.
+            name = _at_path(data, _OUTPUT)
+            self._output = "" if isinstance(name, int) else bytes(name).decode("utf-8", "replace")
         except (OSError, ValueError) as error:
             reason = (error.strerror if isinstance(error, OSError) else None) or error
             raise UserError(f"{path.name} cannot be read: {reason}") from error
@@ -167,12 +169,6 @@ def _input_shape(data: bytes) -> tuple[int, ...]:
     ]  # fmt: skip
     # Some exporters write -1 for free sizes.
     return tuple(side if isinstance(side, int) and side < 1 << 63 else 0 for side in sides)
-
-
-def _first_output(data: bytes) -> str:
-    """The name of the first output of an ONNX model: networks with several give the finest one first."""
-    name = _at_path(data, _OUTPUT)
-    return "" if isinstance(name, int) else bytes(name).decode("utf-8", "replace")
 
 
 def _at_path(data: bytes, path: Sequence[int]) -> int | memoryview:
