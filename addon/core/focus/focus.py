@@ -101,7 +101,7 @@ class Focus:
         """
         if not self.points:
             if self.distance is None:
-                raise UserError("nothing is in focus; pick two or more points or give a focus distance")
+                raise UserError("nothing is in focus; pick what should be sharp, or give a focus distance")
             # The smallest normal number is the last whose inverse is one.
             if not self.distance >= np.finfo(float).tiny:
                 raise UserError(f"the focus distance is {self.distance:g}; it must be greater than zero")

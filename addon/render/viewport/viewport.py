@@ -89,8 +89,8 @@ def draw(
     try:
         wanted = _wanted(context, depsgraph, shown.frame[2])
     except UserError as error:
-        shown.picture = None
-        shown.said = error.worded(WORDS)
+        said = error.worded(WORDS)
+        shown.picture, shown.said = None, said[:1].upper() + said[1:]
         return
     if not bpy.app.is_job_running("RENDER"):
         PREVIEW.want(wanted)
