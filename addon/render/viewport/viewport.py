@@ -163,15 +163,12 @@ def clear_overlays() -> None:
     )
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
         gpu.matrix.load_matrix(Matrix.Identity(4))
-        gpu.matrix.load_projection_matrix(_to_pixels(context.region))
+        # From the region's pixels, (0, 0) bottom left.
+        across, up = 2 / context.region.width, 2 / context.region.height
+        to_view = (across, 0, 0, -1), (0, up, 0, -1), (0, 0, 1, 0), (0, 0, 0, 1)
+        gpu.matrix.load_projection_matrix(Matrix(to_view))
         gpu.state.depth_test_set("NONE")
         fill((left, bottom, left + width, bottom + height), (0.0, 0.0, 0.0, 0.0), "NONE")
-
-
-def _to_pixels(region: bpy.types.Region) -> Matrix:
-    """The projection of a region's pixels, (0, 0) bottom left."""
-    across, up = 2 / region.width, 2 / region.height
-    return Matrix(((across, 0, 0, -1), (0, up, 0, -1), (0, 0, 1, 0), (0, 0, 0, 1)))
 
 
 def draw_words() -> None:

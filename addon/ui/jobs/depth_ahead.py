@@ -73,15 +73,19 @@ def begin_after_solve(work: Path | None) -> None:
     Before a camera that stays there is no depth to find.
     """
     global _ahead
-    settings = bpy.context.scene.virtual_aperture
-    stays = settings.points is not None and not settings.depth_maps and reconstruction_of(settings).stays
-    if bpy.app.background or work is None or stays:
+    if bpy.app.background or work is None or _stays():
         return
     try:
         begin(work)
     except UserError as error:
         _ahead = DepthAhead(work)
         _ahead.failure = Failure(str(error), remedies=error.remedies)
+
+
+def _stays() -> bool:
+    """Return whether the scene's camera stays, without depth maps."""
+    settings = bpy.context.scene.virtual_aperture
+    return settings.points is not None and not settings.depth_maps and reconstruction_of(settings).stays
 
 
 @at("load_pre")

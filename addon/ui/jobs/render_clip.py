@@ -19,15 +19,12 @@ from ..base.operators import Acts, Edits, Result, each_of, has_focus, has_solve,
 from . import depth_ahead, movie
 from .movie import MovieJob
 
-
-def _has_camera(context: bpy.types.Context) -> bool:
-    """Whether the scene has a camera, without which Blender renders nothing."""
-    scene = context.scene
-    return any(parts.is_in(scene, camera) for camera in (scene.camera, scene.virtual_aperture.camera))
-
-
-can_render = each_of(has_focus, requires(_has_camera, operators.NO_CAMERA))
-"""Poll: something is in focus, and the scene has a camera."""
+has_camera = requires(
+    lambda c: any(parts.is_in(c.scene, each) for each in (c.scene.camera, c.scene.virtual_aperture.camera)),
+    operators.NO_CAMERA,
+)
+can_render = each_of(has_focus, has_camera)
+"""Polls: the scene has a camera, without which Blender renders nothing; something is in focus, too."""
 
 
 def prepare_render(scene: bpy.types.Scene) -> None:
