@@ -16,7 +16,7 @@ from ..jobs.report_list import draw_jump
 from ..picking.pick_vertices import focus_on
 from . import thumbnails
 
-FRAME, NAME = 0.16, 0.7
+FRAME, NAME = 0.16, 0.6
 """Shares of a row for the frame's button, and of the rest for thumbnail and name: at Blender's default width
 of the sidebar, frame, name and distance are complete. Chosen by inspection."""
 

@@ -116,8 +116,8 @@ class VIRTUAL_APERTURE_OT_import_clip(ShowsClips, solve.Solves, bpy.types.Operat
 
     def give_up(self) -> None:
         super().give_up()
-        if self.into == "NEW":
-            bpy.data.scenes.remove(bpy.data.scenes[self._scene])
+        if self.into == "NEW" and (made := bpy.data.scenes.get(self._scene)) is not None:
+            bpy.data.scenes.remove(made)
 
     def question(self, context: bpy.types.Context) -> dict[str, str]:
         settings = context.scene.virtual_aperture

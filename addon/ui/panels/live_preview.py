@@ -125,9 +125,11 @@ class VIRTUAL_APERTURE_GT_picture(bpy.types.Gizmo):  # noqa: N801
         """Draw nothing: the picture is the preview's."""
 
     def test_select(self, context: bpy.types.Context, location: XY) -> int:
-        """Return 0 over the picture, else -1; not over the strip, nor while vertices are selected."""
+        """Return 0 over the picture, else -1; not over the strip, nor with a tool that does not select."""
         settings, frame = context.scene.virtual_aperture, camera_frame(context, context.scene)
-        if frame is None or not settings.focus_by_click or context.mode != "OBJECT":
+        tool = context.workspace.tools.from_space_view3d_mode(context.mode)
+        selects = tool is not None and tool.idname.startswith("builtin.select")
+        if frame is None or not (settings.focus_by_click and selects and context.mode == "OBJECT"):
             return -1
         strip = focus_strip.strip_of(context)
         left, bottom, width, height = frame

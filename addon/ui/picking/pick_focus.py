@@ -72,8 +72,8 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
         if self._view.place(self._scene, event) is None:
             self._end(context)
             return {"CANCELLED"}
-        # With Shift, more places follow.
-        self.tap = not event.shift
+        # With Shift and Ctrl, more places follow.
+        self.tap = not (event.shift or event.ctrl)
         return self._click(context, event)
 
     def search(self, at: XY) -> Callable[[], Place]:
