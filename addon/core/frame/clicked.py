@@ -86,7 +86,7 @@ def _new_subject(
 ) -> Place | None:
     """Cut a subject out of a frame by a click, and focus on it; None without a subject.
 
-    The user's own segmenter counts more than the subject that was `found` there, unless it cuts out a part.
+    The cut of the user's own segmenter replaces a subject that was `found` there, unless it is a part of it.
     """
     if not clip.may_focus_on_subjects or not clip.reconstruction.is_ordered or _is_masked(clip, frame, x, y):
         return None

@@ -144,7 +144,7 @@ def sharp_words(settings: bpy.types.PropertyGroup) -> str:
 def length_words(settings: bpy.types.PropertyGroup, length: float) -> str:
     """Return a length in scene units like the scene's other lengths.
 
-    While the scale is unknown it is about in metres, by the people in the clip, or in units.
+    While the scale is unknown it is estimated in metres by the people in the clip, or given in units.
     """
     units, guess = settings.id_data.unit_settings, settings.guessed_scale
     if not settings.metres_per_unit > 0:
