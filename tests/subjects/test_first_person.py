@@ -188,6 +188,20 @@ def test_a_stroke_corrects_the_person_it_is_beside() -> None:
     assert nearest_to(Stroke(5, ((0.5, 0.5),)), {"nobody": np.zeros((HEIGHT, WIDTH), bool)}) is None
 
 
+def test_brackets_are_round_the_known_subjects_of_a_frame() -> None:
+    clip = walls.filmed(walls.still)
+    crowd = Crowd(clip.reconstruction, clip.read)
+    # Nothing is looked for.
+    assert crowd.boxes(3) == []
+    assert len(crowd.parts.every_subject) == len(NAMES)
+    assert crowd.boxes(1) == []
+    near = np.array([80 / WIDTH, 40 / HEIGHT, 100 / WIDTH, 120 / HEIGHT])
+    for frame, shown in ((3, 2), (6, 3)):
+        found = crowd.boxes(frame)
+        assert len(found) == shown
+        assert min(float(np.abs(box - near).max()) for box in found) < 1e-9
+
+
 def test_a_face_is_found_on_a_person(data: Path) -> None:
     """Of two who talk, the one who faces the camera."""
     networks = Networks()

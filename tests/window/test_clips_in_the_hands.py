@@ -29,6 +29,7 @@ BLUR = 3.0
 """Per cent of the width, by default."""
 LONG = 1200
 """Seconds within which any step ends."""
+SOLVE = f"__import__('sys').modules['{EXTENSION}.addon.ui.base.solving'].Solving.running"
 
 pytestmark = pytest.mark.long
 
@@ -57,6 +58,35 @@ def step(program: Program, began: float, what: str, name: str) -> None:
     make_wide(program, OPENS)
 
 
+def promised(program: Program, what: str, work: str, is_running: str) -> None:
+    """Wait for the end of work, and keep how wrong its times left were, but in the first 10 and last 5 s."""
+    began, seen = time.monotonic(), []
+    while program.ask(is_running):
+        assert time.monotonic() - began < LONG
+        seen.append((time.monotonic(), program.ask(f"{work}.left")))
+        time.sleep(1.0)
+    ended = time.monotonic()
+    judged = [(ended - at, left) for at, left in seen if at - began > 10 and ended - at > 5]
+    wrong = [max(left, true) / min(left, true) for true, left in judged if left]
+    none = f"none in {sum(not left for _, left in judged)} of {len(judged)} looks"
+    worst = f"wrong by {max(wrong):.1f} times at most, {np.median(wrong):.1f} in the median" if wrong else ""
+    program.tell(f"{what}, {ended - began:.0f} s: time left {worst}, {none}")
+
+
+def played(program: Program) -> float:
+    """Play for 4 s; returns frames a second."""
+    toggle = "with bpy.context.temp_override(**view('VIEW_3D')):\n    bpy.ops.screen.animation_play()\n"
+    program.ask(
+        "import time\nseen = bpy.app.driver_namespace['seen'] = []\n"
+        "bpy.app.handlers.frame_change_post.append(lambda *_: seen.append(time.monotonic()))\n" + toggle
+    )
+    time.sleep(4.0)
+    program.ask(f"{toggle}bpy.app.handlers.frame_change_post.pop(); None")
+    program.settle()
+    number, seconds = program.ask("(lambda s: [len(s), s[-1] - s[0]])(bpy.app.driver_namespace['seen'])")
+    return (number - 1) / seconds
+
+
 @pytest.mark.parametrize("file", CLIPS)
 def test_from_drop_to_movie(hd_screen: Screen, resources: Path, folder: Path, data: Path, file: str) -> None:
     name = Path(file).stem
@@ -69,7 +99,8 @@ def test_from_drop_to_movie(hd_screen: Screen, resources: Path, folder: Path, da
         drop(program, project / file)
         actions.append("choose Virtual Aperture")
         program.screen.key("s")
-        program.wait(f"{SETTINGS}.points is not None", LONG)
+        program.wait(f"{SOLVE} is not None", LONG)
+        promised(program, "solve", f"{SOLVE}.step", f"{SETTINGS}.points is None")
         program.settle()
         step(program, began, "drop to solved", "1_solved")
 
@@ -81,6 +112,11 @@ def test_from_drop_to_movie(hd_screen: Screen, resources: Path, folder: Path, da
         final(program)
         step(program, began, "Preview to the final picture", "3_final_picture")
 
+        program.screen.move(*over(program, CLIPS[file]))
+        program.settle()
+        program.shot("3_brackets")
+        boxes = f"sum(len(each.boxes) for each in {PREVIEW}._kept.values())"
+        program.tell(f"subjects and faces: {program.ask(boxes)}")
         actions.append("click the subject")
         began, before = time.monotonic(), program.ask(MARKS)
         program.screen.click(*over(program, CLIPS[file]))
@@ -95,24 +131,33 @@ def test_from_drop_to_movie(hd_screen: Screen, resources: Path, folder: Path, da
         assert len(program.ask(MARKS)) == 1
         program.tell(f"in focus: {program.ask(f'{SETTINGS}.marks.items[0].name')}")
 
+        program.ask(f"bpy.context.scene.frame_end = {FRAMES}; None")
+        for frame in (*range(2, FRAMES + 1), 1):
+            program.ask(f"bpy.context.scene.frame_set({frame}); None")
+            final(program)
+        rate = program.ask("bpy.context.scene.render.fps / bpy.context.scene.render.fps_base")
+        program.tell(f"playback of finished frames: {played(program):.1f} a second of {rate:.1f}")
+        program.ask("bpy.context.scene.frame_set(1); None")
+        final(program)
         for shows in ("FOCUS", "DEPTH"):
             program.ask(f"{SETTINGS}.viewport_shows = {shows!r}; None")
             final(program)
             program.shot(f"5_overlay_{shows.lower()}")
         program.ask(f"{SETTINGS}.viewport_shows = 'LENS'; None")
 
-        program.ask(f"bpy.context.scene.frame_end = {FRAMES}; None")
         actions.append("press Render Clip")
         began = time.monotonic()
         program.press("virtual_aperture.render_clip")
         program.wait(f"{MOVIE}.is_running")
         program.wait(f"not {MOVIE}.is_running or {MOVIE}.done > 2", LONG)
         look(program, "6_movie_under_way")
-        program.wait(f"not {MOVIE}.is_running", LONG)
+        promised(program, "movie", MOVIE, f"{MOVIE}.is_running")
         program.screen.nudge()
         step(program, began, f"Render Clip to a movie of {FRAMES} frames", "7_movie")
         program.tell_time(time.monotonic() - whole, f"drop to movie, {len(actions)} actions")
         program.tell("messages: " + " | ".join(program.ask("messages()")))
+        if program.ask(f"{DEPTH} is not None"):
+            promised(program, "rest of the depth", DEPTH, f"{DEPTH}.is_running")
         depth = program.ask(f"[{DEPTH}.done, {DEPTH}.is_running, {DEPTH}.problem] if {DEPTH} else None")
         program.tell(f"depth ahead: {depth}")
     (movie,) = project.glob(f"{name}_render.mp4")

@@ -264,8 +264,13 @@ class ClipContext:
         if subject is None:
             return None
         place = replace(self._focus_on(subject, frame), xy=(x, y))
-        is_face = subject.kind == "person" and self._subjects.shows_face(subject, frame, x, y)
+        face = self._subjects.face(subject, frame)
+        is_face = face is not None and face[0] <= x <= face[2] and face[1] <= y <= face[3]
         return replace(place, subject="face") if is_face else place
+
+    def boxes(self, frame: int) -> list[Floats]:
+        """Return `ClipSubjects.boxes` of those subjects that were found for a frame before."""
+        return self._subjects.boxes(vars(self.parts).get("every_subject", ()), frame)
 
     def subject_place(self, name: str, frame: int) -> Place:
         """Focus on a subject and follow it through the clip; raises UserError for an unknown name."""

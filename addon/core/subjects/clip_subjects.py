@@ -10,7 +10,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from ..base.arrays import Bytes, Map, Mask
+from ..base.arrays import Bytes, Floats, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.store import NOT_KEPT, Arrays, Entry, Store
 from ..camera.reconstruction import Reconstruction
@@ -93,10 +93,20 @@ class ClipSubjects:
         neighbours(self.pictures, frame)
         self.networks.load()
 
-    def shows_face(self, person: ClipSubject, frame: int, x: float, y: float) -> bool:
-        """Return whether fractions x, y of a frame's picture are on a person's face."""
-        face = face_of(self.networks, displayed(self.read(frame)), person.mask(frame))
-        return face is not None and bool(face[0] <= x <= face[2] and face[1] <= y <= face[3])
+    def face(self, subject: ClipSubject, frame: int) -> Floats | None:
+        """Return left, top, right and bottom of a person's face in a frame, as `boxes`; None without one."""
+        if subject.kind != "person":
+            return None
+        return face_of(self.networks, displayed(self.read(frame)), subject.mask(frame))
+
+    def boxes(self, subjects: Sequence[ClipSubject], frame: int) -> list[Floats]:
+        """Return left, top, right and bottom of subjects and faces in a frame, as shares of the picture."""
+        shown = [each for each in subjects if each.mask(frame).any()]
+        found = [face for each in shown if (face := self.face(each, frame)) is not None]
+        for mask in (each.mask(frame) for each in shown):
+            left, top, wide, high = cv2.boundingRect(mask.view(np.uint8))
+            found.append(np.array([left, top, left + wide, top + high]) / (2 * mask.shape[::-1]))
+        return found
 
     def body_at(self, frame: int, x: float, y: float) -> Mask | None:
         """Return the body (h, w) that one network sees at shares x, y of a frame's picture, or None."""

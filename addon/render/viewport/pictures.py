@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.base.arrays import LinearRGBA
+from ...core.base.arrays import Floats, LinearRGBA
 from ...core.base.calls import show
 from ...core.base.errors import UserError
 from ...core.base.progress import stage
@@ -102,6 +103,8 @@ class Picture:
     """(h, w, 4) linear light, premultiplied."""
     clip: Half | None = None
     """(H, W, 4) the frame as it was shot, if it was asked for."""
+    boxes: Sequence[Floats] = ()
+    """Of subjects and faces, as `ClipSubjects.boxes`, in a picture of the best level."""
 
     @property
     def nbytes(self) -> int:
@@ -116,6 +119,7 @@ class Made:
     level: int
     linear: Half
     clip: Half | None
+    boxes: Sequence[Floats]
     seconds: float
     """How long it took."""
 
@@ -142,7 +146,7 @@ def make_next(wanted: Wanted, level: int, is_quick: bool, file: Path | None) -> 
         level = FAIR
     show((level, level > ROUGH and not is_known))
     picture = make_picture(wanted, level, file)
-    return Made(picture.level, picture.linear, picture.clip, time.monotonic() - began)
+    return Made(picture.level, picture.linear, picture.clip, picture.boxes, time.monotonic() - began)
 
 
 def make_picture(wanted: Wanted, level: int, file: Path | None = None) -> Picture:
@@ -154,7 +158,9 @@ def make_picture(wanted: Wanted, level: int, file: Path | None = None) -> Pictur
         linear = _rough(wanted)
     else:
         linear = _inspected(wanted) if wanted.shows else _through_lens(wanted, level, file)
-    return Picture(wanted, level, linear.astype(np.float16), _clip(wanted) if wanted.with_clip else None)
+    beside = _clip(wanted) if wanted.with_clip else None
+    boxes = wanted.shot.context.boxes(wanted.frame) if level == wanted.best else ()
+    return Picture(wanted, level, linear.astype(np.float16), beside, boxes)
 
 
 def _clip(wanted: Wanted) -> Half:

@@ -191,7 +191,7 @@ class Preview:
                 self._draft_seconds = made.seconds
             if made.level == wanted.best:
                 self._restarted, self.note = None, ""
-            self._keep(Picture(wanted, made.level, made.linear, made.clip))
+            self._keep(Picture(wanted, made.level, made.linear, made.clip, made.boxes))
 
     def _keep(self, picture: Picture) -> None:
         before = self._kept.get(picture.wanted.key)

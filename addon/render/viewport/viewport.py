@@ -8,6 +8,7 @@ in that texture is therefore removed again, and the picture below is visible, in
 
 import contextlib
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 from weakref import WeakValueDictionary
@@ -18,6 +19,7 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Matrix
 
+from ...core.base.arrays import Floats
 from ...core.base.errors import UserError
 from ...scene.base import redraw
 from ...scene.base.events import at, watch
@@ -191,6 +193,16 @@ def camera_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> Rectangl
     if view.view_perspective != "CAMERA" or camera is None or seen is None or seen.name != camera.name:
         return None
     return frame_in_region(context.region, view, scene)
+
+
+def boxes_shown(context: bpy.types.Context) -> Sequence[Floats]:
+    """Return the boxes of the current frame's subjects and faces, if a viewport shows them; see `Picture`."""
+    shown = _in_regions.get(context.region.as_pointer())
+    if shown is None or shown.picture is None:
+        return ()
+    wanted = shown.picture.wanted
+    is_here = wanted.frame == wanted.shot.frame_at(clip_frame(context.scene))
+    return shown.picture.boxes if is_here else ()
 
 
 def frame_in_region(

@@ -1,12 +1,14 @@
 """The live preview: a viewport in Rendered shading that looks through the solved camera, and the line in it
 between the clip as it was shot and the frame through the lens, to be dragged."""
 
+from itertools import product
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ...render.engine import VirtualApertureEngine
-from ...render.viewport.viewport import PREVIEW, camera_frame
+from ...render.viewport.viewport import PREVIEW, boxes_shown, camera_frame
 from ...scene import parts
 from ..base.operators import NO_CAMERA, Acts, has_solve, is_met
 from ..focus import focus_strip
@@ -18,6 +20,8 @@ NEAR = 8.0
 HANDLE = 7.0
 """Radius of the ring on the line, in the same pixels."""
 DIM = (1.0, 1.0, 1.0, 0.7)
+CORNER = 0.2
+"""Length of a bracket's arm, over the shorter side of its box."""
 
 
 class VIRTUAL_APERTURE_OT_preview(Acts, bpy.types.Operator):  # noqa: N801
@@ -117,12 +121,22 @@ class VIRTUAL_APERTURE_GT_wipe(bpy.types.Gizmo):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_GT_picture(bpy.types.Gizmo):  # noqa: N801
-    """Takes clicks on the picture, which set the focus."""
+    """Takes clicks on the picture, which set the focus, and shows the subjects that they would follow."""
 
     bl_idname = "VIRTUAL_APERTURE_GT_picture"
 
-    def draw(self, _context: bpy.types.Context) -> None:
-        """Draw nothing: the picture is the preview's."""
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw brackets round subjects and faces, while the mouse is over the picture."""
+        frame = camera_frame(context, context.scene)
+        if frame is None or not self.is_highlight:
+            return
+        left, bottom, width, height = frame
+        for first, top, last, low in boxes_shown(context):
+            x, y = left + width * np.array([first, last]), bottom + height * (1 - np.array([low, top]))
+            arm = CORNER * min(np.ptp(x), np.ptp(y))
+            for i, j in product((0, 1), repeat=2):
+                arms = (arm - 2 * arm * i, 0), (0, 0), (0, arm - 2 * arm * j)
+                line(np.add(arms, (x[i], y[j])), DIM, 1.5 * context.preferences.system.ui_scale)
 
     def test_select(self, context: bpy.types.Context, location: XY) -> int:
         """Return 0 over the picture, else -1; not over the strip, nor with a tool that does not select."""
