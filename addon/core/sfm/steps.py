@@ -16,21 +16,24 @@ from ..media.light import to_rgb8
 from ..media.picture_file import Pixels
 
 SHARES = {
-    "Tracking features": (0.0, 0.22),
-    "Finding features": (0.0, 0.22),
-    "Matching photos": (0.22, 0.75),
+    "Tracking features": (0.0, 0.2),
+    "Finding features": (0.0, 0.2),
+    "Matching photos": (0.2, 0.75),
     "Placing photos": (0.75, 1.0),
-    "Verifying matches": (0.22, 0.29),
-    "Comparing cameras": (0.22, 0.88),
-    "Solving cameras": (0.29, 0.45),
-    "Settling the focal length": (0.45, 0.64),
-    "Looking for a lens": (0.64, 0.86),
-    "Finding how the camera turns": (0.86, 1.0),
-    "Registering frames": (0.86, 0.88),
-    "Adjusting": (0.88, 1.0),
-    "Looking for people": (0.88, 0.88),
+    "Verifying matches": (0.2, 0.26),
+    "Comparing cameras": (0.2, 0.6),
+    "Solving cameras": (0.26, 0.34),
+    "Settling the focal length": (0.34, 0.4),
+    "Looking for a lens": (0.4, 0.6),
+    "Finding how the camera turns": (0.6, 1.0),
+    "Registering frames": (0.6, 0.6),
+    "Adjusting": (0.6, 1.0),
+    "Looking for people": (0.6, 0.6),
 }
-"""Which part of the whole each stage is, from the times of the duck and the sample clip."""
+"""Which part of the whole each stage is, in a clip of `USUAL` frames: medians of twelve clips."""
+USUAL = 100
+_frames = [USUAL]
+"""The number of the clip's frames."""
 WIDTH, MOST = 480, 500
 """Pixels across of a picture, and features in it. They show the work and take no part in it."""
 EVERY = 0.5
@@ -39,8 +42,13 @@ EVERY = 0.5
 
 def progress(stage: str, done: int, total: int) -> None:
     """Show that `done` of the `total` steps of a stage are done."""
+    if stage == "Tracking features":
+        _frames[0] = total
     low, high = SHARES.get(stage, (0.0, 1.0))
-    send(Progress(stage, done, total, share=low + (high - low) * done / max(total, 1)))
+    # Tracking and adjusting grow with the frames, what is between them does not.
+    parts = np.array([0.0, 0.2 * _frames[0] / USUAL, 0.4, 0.4 * _frames[0] / USUAL]).cumsum()
+    share = np.interp(low + (high - low) * done / max(total, 1), [0, 0.2, 0.6, 1], parts / parts[-1])
+    send(Progress(stage, done, total, share=float(share)))
 
 
 class Watch:
