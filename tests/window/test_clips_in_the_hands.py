@@ -19,7 +19,7 @@ import pytest
 
 from .program import EXTENSION, Program
 from .screen import Screen
-from .steps import DEPTH, LEFT, MARKS, OPENS, PICKING, SETTINGS, drop, look, make_wide, over, running
+from .steps import DEPTH, LEFT, OPENS, PICKING, SETTINGS, drop, look, make_wide, over, running
 
 PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport'].PREVIEW"
 MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.jobs.movie'].MovieJob.last"
@@ -27,6 +27,7 @@ FRAMES = 12
 """Frames of the movie."""
 BLUR = 3.0
 """Per cent of the width, by default."""
+IN_FOCUS = f"[[mark.name, mark.frame, mark.distance] for mark in {SETTINGS}.marks.items]"
 LONG = 1200
 """Seconds within which any step ends."""
 SOLVE = f"__import__('sys').modules['{EXTENSION}.addon.ui.base.solving'].Solving.running"
@@ -118,17 +119,16 @@ def test_from_drop_to_movie(hd_screen: Screen, resources: Path, folder: Path, da
         boxes = f"sum(len(each.boxes) for each in {PREVIEW}._kept.values())"
         program.tell(f"subjects and faces: {program.ask(boxes)}")
         actions.append("click the subject")
-        began, before = time.monotonic(), program.ask(MARKS)
-        program.screen.click(*over(program, CLIPS[file]))
-        program.wait(f"{PICKING} or {MARKS} != {before}", 10.0)
-        program.shot("4_clicked")
-        program.wait(f"not ({PICKING})", LONG)
+        where, before = over(program, CLIPS[file]), program.ask(IN_FOCUS)
+        began = time.monotonic()
+        program.screen.click(*where)
+        program.wait(f"{IN_FOCUS} != {before} and not ({PICKING})", LONG)
         program.tell_time(time.monotonic() - began, "click to the focus")
         program.wait(f"{PREVIEW}.best({PREVIEW}._wanted) is not None", LONG)
         program.tell_time(time.monotonic() - began, "click to a picture")
         final(program)
         step(program, began, "click to the final picture", "5_focus")
-        assert len(program.ask(MARKS)) == 1
+        assert len(program.ask(IN_FOCUS)) == 1
         program.tell(f"in focus: {program.ask(f'{SETTINGS}.marks.items[0].name')}")
 
         program.ask(f"bpy.context.scene.frame_end = {FRAMES}; None")
