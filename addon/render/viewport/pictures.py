@@ -104,7 +104,7 @@ class Picture:
     clip: Half | None = None
     """(H, W, 4) the frame as it was shot, if it was asked for."""
     boxes: Sequence[Floats] = ()
-    """Of subjects and faces, as `ClipSubjects.boxes`, in a picture of the best level."""
+    """Boxes of subjects and faces, as `ClipSubjects.boxes`; none before the best level."""
 
     @property
     def nbytes(self) -> int:
