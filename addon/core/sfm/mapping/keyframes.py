@@ -10,6 +10,7 @@ import pycolmap
 
 from ...base.arrays import Floats, Ints
 from ...base.atomic import temporary_folder
+from ..adjustment.bundle import loss_of
 from ..adjustment.solution import Solution, triangulate
 from ..steps import progress
 from ..tracking.tracks import Tracks
@@ -34,11 +35,6 @@ STEP = 0.06
 FEATURES = 250
 """Median number of features in a keyframe past which only an even choice of the tracks is mapped. With 500,
 solves of seven filmed motions take 22 % more CPU seconds and come no closer to the truth."""
-LOSS, LEAST_LOSS = 2.0, 0.01
-"""Scale of the soft loss over the median error, and in pixels at least. A walker with 6 % of the tracks bends
-a loss of one pixel: points of oncoming are off by 4.2 % in the median, instead of 1.2, and 1.4 with 3 and 5
-times the median error. On bars, beast and fence it is 4.1, 1.6 and 5.3 instead of 3.5, 1.0 and 3.2 %.
-"""
 OBSERVATIONS = 400_000
 """Observations past which only an even choice of the tracks takes part in an adjustment of all frames."""
 
@@ -227,7 +223,7 @@ def adjust(solution: Solution) -> None:
         for member in members:
             track.add_element(int(images[member]) + 1, int(place[member]))
         points[number] = model.add_point3D(solution.xyz[number], track)
-    pycolmap.bundle_adjustment(model, _adjustment_options(float(np.median(solution.errors()[rows]))))
+    pycolmap.bundle_adjustment(model, _adjustment_options(loss_of(solution.errors()[rows])))
     for number, point in points.items():
         solution.xyz[number] = model.points3D[point].xyz
     for index in np.unique(images):
@@ -238,13 +234,13 @@ def adjust(solution: Solution) -> None:
         triangulate(solution)
 
 
-def _adjustment_options(error: float) -> pycolmap.BundleAdjustmentOptions:
-    """Bundle adjustment with a soft loss, by the median error in pixels, intrinsics held."""
+def _adjustment_options(loss: float) -> pycolmap.BundleAdjustmentOptions:
+    """Bundle adjustment with a soft loss from so many pixels, intrinsics held."""
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_focal_length = options.refine_extra_params = options.refine_principal_point = False
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.SOFT_L1
-    options.ceres.loss_function_scale = max(LOSS * error, LEAST_LOSS)
+    options.ceres.loss_function_scale = loss
     solver = options.ceres.solver_options
     solver.num_threads, solver.max_num_iterations, solver.function_tolerance = THREADS, 25, 1e-4
     return options
