@@ -15,9 +15,6 @@ from ..tracking.tracks import Tracks
 UNMODELLED = 2.0
 """Ratio of the errors of focal lengths on clips with truth to their covariance, which ignores occlusions and
 highlights (`make bench-solve`)."""
-PASSES = 3
-"""Adjustments, all but the first with a loss by the errors before them. Focal lengths of oncoming and walk
-are off by 11.8 and 7.3 % after one, by 5.6 and 2.9 after two, by 0.5 and 0.6 after three."""
 MIN_AGREEMENT = 0.6
 """Rank correlation of the depths from the clip's two halves below which there is no depth in it."""
 ZOOM_STEP = 0.02
@@ -29,30 +26,30 @@ LONGEST, LONGEST_IN_FRAME = 1500, 60
 """Number of the clip's longest tracks that take part in an adjustment, and of each frame's beside them."""
 
 
-def refine_focal_length(made: Solution, start: float, known: float) -> float:
+def refine_focal_length(made: Solution, start: float, known: float, passes: int = 0) -> float:
     """Refine the focal length by the clip, with `start` as a prior of relative sigma `known`.
 
     With a path of a few per cent of the depth the focal length is hardly determined; in a walk straight ahead
     it is not determined. The covariance shows it, if whole tracks are its units. Returns the relative sigma
     of the result, which is below `known` / sqrt(2) where the clip's part is larger than the prior's.
+    In `passes` after the first the loss follows the errors: the sigma is too small then, for a walk ahead.
     """
     if known == 0:
         return 0.0
     bundle, seen, posed, kept = as_bundle(made)
-    loss, sigmas = made.max_error / 2, list[float]()
-    for _ in range(PASSES):
-        freed = adjust(bundle, seen, loss, "common")
-        bundle, sigma = freed.bundle, max(UNMODELLED * freed.focal_sigma, 1e-4)
-        loss = loss_of(np.linalg.norm(bundle.residuals(seen), axis=1))
-        sigmas.append(sigma)
+    loss = made.max_error / 2
+    freed = adjust(bundle, seen, loss, "common")
+    for _ in range(passes):
+        loss = loss_of(np.linalg.norm(freed.bundle.residuals(seen), axis=1))
+        freed = adjust(freed.bundle, seen, loss, "common")
+    sigma = max(UNMODELLED * freed.focal_sigma, 1e-4)
     weight = known**2 / (known**2 + sigma**2) if np.isfinite(sigma) else 0.0
-    wanted = float(np.exp((1 - weight) * np.log(start) + weight * np.log(bundle.focal[0])))
+    wanted = float(np.exp((1 - weight) * np.log(start) + weight * np.log(freed.bundle.focal[0])))
     # On the way to a focal length that the clip does not determine, poses and points have to follow.
-    refined = adjust(replace(bundle, focal=np.full(len(posed), wanted)), seen, loss)
+    refined = adjust(replace(freed.bundle, focal=np.full(len(posed), wanted)), seen, loss)
     made.focal[:] = wanted
     put_back(made, refined.bundle, posed, kept)
-    # On a walk straight ahead a small loss claims to know it.
-    return float(1 / np.sqrt(1 / known**2 + 1 / max(sigmas) ** 2))
+    return float(1 / np.sqrt(1 / known**2 + 1 / sigma**2))
 
 
 def as_bundle(
