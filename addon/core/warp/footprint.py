@@ -15,7 +15,6 @@ import cv2
 import numpy as np
 
 from ..base.arrays import LinearRGBA, Map, Mask, repeated
-from ..base.nearest_fill import of_nearest
 from ..base.progress import checkpoint
 from ..base.side_by_side import side_by_side
 from .layer import Layer
@@ -52,20 +51,12 @@ def prefilter(layers: Sequence[Layer], radius: Callable[[Map], Map]) -> None:
     last.picture[..., 3] = 1
     for each in fronts:
         own = np.where(each.covered, radius(each.disparity), 0).astype(np.float32)
-        _Part(each.picture, spare, own, each.covered | _goes_on(each)).blur()
+        _Part(each.picture, spare, own, each.covered).blur()
 
 
 def prefilter_alone(texture: LinearRGBA, radius: Map) -> None:
     """Blur a texture (h, w, 4) and its alpha in place by radii (h, w) in texels; passes checkpoints."""
     _Part(texture, np.empty_like(texture), radius.astype(np.float32)).blur()
-
-
-def _goes_on(layer: Layer) -> Mask:
-    """Mark (H, W) pixels past a near surface's triangles, where it is drawn as part of another surface."""
-    if layer.covered.all() or not layer.covered.any():
-        return layer.covered
-    alpha, _ = of_nearest(layer.alpha, layer.covered)
-    return alpha > 0.5
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,6 @@ Fill = Callable[[Map, Mask], tuple[LinearRGB, Mask]]
 """Returns colours (H, W, 3) of a surface of disparities (H, W) in a mask (H, W), and known ones (H, W)."""
 EXTRAPOLATION = 1 << COARSEST_AT_SILHOUETTES
 """Pixels by which surfaces extend past silhouettes, beyond any view: the widest cell of the mesh there."""
-LEAST_SILHOUETTE = 32
-"""Least pixels of a silhouette for the next split; fewer are noise. Chosen by inspection."""
 RISE = 0.5
 """Slope a pixel of a rising far surface, as a share of the least jump: diagonally half more and no jump."""
 
@@ -122,7 +120,7 @@ def split(
     checkpoint(0.3)
     others = np.zeros_like(mixed)
     if least < jump:
-        others = _without_specks(_silhouettes(disparity, least)[0] & ~mixed)
+        others = _silhouettes(disparity, least)[0] & ~mixed
     away = _distance_along_surface(disparity, others, jump)
     matte = None if opacity is None else _matte(opacity, disparity, surfaces, jump)
     sheer = np.zeros_like(mixed) if matte is None else matte < 1
@@ -199,12 +197,6 @@ class _Extrapolated:
     """(H, W) pixels of the near surface behind which a view may see the far one."""
 
 
-def _without_specks(lines: Mask) -> Mask:
-    """Remove connected pieces of fewer than `LEAST_SILHOUETTE` pixels from a mask (H, W)."""
-    _, label, found, _ = cv2.connectedComponentsWithStats(lines.astype(np.uint8), connectivity=8)
-    return np.asarray(lines & (found[:, cv2.CC_STAT_AREA] >= LEAST_SILHOUETTE)[label])
-
-
 def _distance_along_surface(disparity: Map, others: Mask, jump: float) -> Map:
     """Return (H, W) distances in pixels to the mask `others`, infinite if it lies on another surface."""
     if not others.any():
@@ -236,16 +228,13 @@ def _extrapolated(
     is_far &= ~_beside(disparity, occluded, jump)
     checkpoint(0.4)
     disoccluded = occluded & ((distance <= gap + 2) | sheer)
-    far = _smoothed(far, occluded | seeds, occluded, jump)
     if known is not None:
         # A comparison with NaN is false.
         far = np.where(occluded & (disparity - known > jump), known, far)
     if least < jump:
         far = np.where(occluded, _rising(far, disparity, occluded, seeds, jump, RISE * least), far)
     checkpoint(0.4)
-    near = np.where(is_far, before, near)
-    near = _smoothed(near, is_far | seeds, is_far, jump)
-    return _Extrapolated(near, far, is_far, occluded, disoccluded)
+    return _Extrapolated(np.where(is_far, before, near), far, is_far, occluded, disoccluded)
 
 
 def _beside(disparity: Map, among: Mask, jump: float) -> Mask:
@@ -266,14 +255,6 @@ def _rising(behind: Map, disparity: Map, occluded: Mask, seeds: Mask, jump: floa
         return behind
     level, distance = of_nearest(disparity, rim)
     return np.asarray(np.maximum(behind, np.minimum(level, disparity) - slope * distance))
-
-
-def _smoothed(disparity: Map, among: Mask, changed: Mask, jump: float) -> Map:
-    """Replace extrapolated disparities (H, W) by the mean of their surroundings."""
-    mean = cv2.blur(np.where(among, disparity, 0), (5, 5)) / np.maximum(
-        cv2.blur(among.astype(np.float32), (5, 5)), 1e-9
-    )
-    return np.where(changed & (np.abs(mean - disparity) < jump), mean, disparity)
 
 
 def _colour(picture: LinearRGBA) -> LinearRGB:
