@@ -60,7 +60,7 @@ MIN_PARALLAX = 1.0
 """Pixels of a 1,000-pixel frame that no rotation explains; with less, pairs of pictures are not tried: it
 is a trembling hand, or only turns."""
 PASSES = 2
-"""Passes that refine the focal length of the best start, without a lens. Those of oncoming and walk are off by
+"""Passes that refine the focal length of the best start without a lens. Those of oncoming and walk are off by
 11.8 and 7.3 % with none, by 4.4 and 0.6 with two."""
 TOLD_PARALLAX = 0.3
 """Pixels of a 1,000-pixel frame that no rotation explains, below which depth from elsewhere is better. A
