@@ -235,7 +235,7 @@ class _Keyframes:
         if best is not None and not zoom:
             best = self._with_lens(best)
             if best.lens is None:
-                # What is explained stays as it was before: a tight fit to a part hides a zoom.
+                # The explained share is that of the loose fit: a tight fit to a part hides a zoom.
                 focal, known = self.prior.start(tracks), self.prior.sigma
                 self_calibration.refine_focal_length(best.solution, focal, known, PASSES)
                 solution.triangulate(best.solution)
