@@ -144,6 +144,11 @@ def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, record: Record) 
     refuse_shifted(best, keys)
     if ratio is not None:
         self_calibration.refine_zoom(best, tracks, ratio)
+    elif lens is None:
+        # After the tests and claims: a tight fit to a part hides a zoom, and makes a bent scene look sure.
+        self_calibration.refine_focal_length(best, prior.start(tracks), prior.sigma, PASSES)
+        solution.triangulate(best)
+        solution.drop_bad(best)
     solution.register_frames(best)
     for step in range(2):
         progress("Adjusting", step, 2)
@@ -234,12 +239,6 @@ class _Keyframes:
         best = max(found, key=lambda each: each.score, default=None)
         if best is not None and not zoom:
             best = self._with_lens(best)
-            if best.lens is None:
-                # The explained share is that of the loose fit: a tight fit to a part hides a zoom.
-                focal, known = self.prior.start(tracks), self.prior.sigma
-                self_calibration.refine_focal_length(best.solution, focal, known, PASSES)
-                solution.triangulate(best.solution)
-                solution.drop_bad(best.solution)
         # Distortion may be taken for depth, a different one in each half.
         if self.parallax < DOUBTFUL_PARALLAX and (
             best is None or self_calibration.halves_disagree(best.solution)
