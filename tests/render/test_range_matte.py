@@ -21,12 +21,12 @@ from addon.core.frame.frame_path import mesh_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.range_matte import Range
 from addon.core.media.light import to_linear
-from addon.core.warp.footprint import disc_kernel
 from addon.render.views.average import draw_matte
 from addon.render.views.gpu_views import gpu_problem
 from addon.scene import passes
 from addon.scene.build import build
 from addon.scene.passes import NAME, add_grade_nodes
+from benchmarks.accuracy.scatter import disc_kernel
 from benchmarks.torture import clip
 
 from ..command_line import done
@@ -72,7 +72,7 @@ def drawn(wanted: Range, focus: float, **options: object) -> Map:
 def test_it_is_as_blurred_as_the_picture(focus: float) -> None:
     found, true = drawn(Range(0.0, 5.0, 0.0), focus), mask()
     if focus == FAR:
-        true = cv2.filter2D(true, -1, disc_kernel(DISC / 2))
+        true = cv2.filter2D(true, -1, disc_kernel(DISC))
         assert psnr(found, mask()) < 20
     # Pixels of a silhouette in focus are shared by their colours, of which the ball's are the wall's.
     judged = cv2.dilate(cv2.Canny(np.uint8(255 * mask()), 50, 100), np.ones((5, 5))) == 0

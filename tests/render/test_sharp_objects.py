@@ -20,11 +20,11 @@ from addon.core.frame.frame_path import draw_frame
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.light import encode_srgb
 from addon.core.warp.cg_layer import CGLayer
-from addon.core.warp.footprint import disc_kernel
 from addon.render.views import average
 from addon.render.views.gpu_views import gpu_problem
 from addon.scene.build import build
 from addon.scene.cg_objects import STAYS_SHARP
+from benchmarks.accuracy.scatter import disc_kernel
 
 from ..in_blender import LIGHT, place_lamp
 from ..scenes import psnr, slanted_plane, slanted_shot
@@ -78,7 +78,7 @@ def test_a_title_is_sharp_wherever_it_stands(distance: float, is_sharp: bool) ->
     assert layer is not None
     cg = CGObjects((layer,))
     found, _ = draw_frame(clip, 2, lens, SIZE, average._views, lambda *_: cg)
-    blurred = cv2.filter2D(ball(), -1, disc_kernel(DISC / 2))
+    blurred = cv2.filter2D(ball(), -1, disc_kernel(DISC))
     true = over(title(), TITLE, over(blurred, BALL, wall))
     if distance > NEAR:
         true = over(blurred, BALL, over(title(), TITLE, wall))

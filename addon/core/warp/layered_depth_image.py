@@ -228,13 +228,15 @@ def _extrapolated(
     is_far &= ~_beside(disparity, occluded, jump)
     checkpoint(0.4)
     disoccluded = occluded & ((distance <= gap + 2) | sheer)
+    far = _smoothed(far, occluded | seeds, occluded, jump)
     if known is not None:
         # A comparison with NaN is false.
         far = np.where(occluded & (disparity - known > jump), known, far)
     if least < jump:
         far = np.where(occluded, _rising(far, disparity, occluded, seeds, jump, RISE * least), far)
     checkpoint(0.4)
-    return _Extrapolated(np.where(is_far, before, near), far, is_far, occluded, disoccluded)
+    near = _smoothed(np.where(is_far, before, near), is_far | seeds, is_far, jump)
+    return _Extrapolated(near, far, is_far, occluded, disoccluded)
 
 
 def _beside(disparity: Map, among: Mask, jump: float) -> Mask:
@@ -255,6 +257,14 @@ def _rising(behind: Map, disparity: Map, occluded: Mask, seeds: Mask, jump: floa
         return behind
     level, distance = of_nearest(disparity, rim)
     return np.asarray(np.maximum(behind, np.minimum(level, disparity) - slope * distance))
+
+
+def _smoothed(disparity: Map, among: Mask, changed: Mask, jump: float) -> Map:
+    """Replace extrapolated disparities (H, W) by the mean of their surroundings."""
+    mean = cv2.blur(np.where(among, disparity, 0), (5, 5)) / np.maximum(
+        cv2.blur(among.astype(np.float32), (5, 5)), 1e-9
+    )
+    return np.where(changed & (np.abs(mean - disparity) < jump), mean, disparity)
 
 
 def _colour(picture: LinearRGBA) -> LinearRGB:
