@@ -159,7 +159,7 @@ def make_picture(wanted: Wanted, level: int, file: Path | None = None) -> Pictur
     else:
         linear = _inspected(wanted) if wanted.shows else _through_lens(wanted, level, file)
     beside = _clip(wanted) if wanted.with_clip else None
-    boxes = wanted.shot.context.boxes(wanted.frame) if level == wanted.best else ()
+    boxes = wanted.shot.context.boxes(wanted.frame) if level == wanted.best and not wanted.is_playing else ()
     return Picture(wanted, level, linear.astype(np.float16), beside, boxes)
 
 
