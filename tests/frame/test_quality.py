@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -63,9 +63,9 @@ def rendered(quality: Quality) -> tuple[NDArray[np.float32], Frame]:
     return picture, drawn[0]
 
 
-def test_a_draft_is_sharp_in_focus_and_blurred_as_normal_elsewhere() -> None:
+def test_a_draft_of_a_large_picture_is_sharp_in_focus_and_blurred_as_normal_elsewhere() -> None:
     normal, whole = rendered(NORMAL)
-    draft, small = rendered(DRAFT)
+    draft, small = rendered(replace(DRAFT, longest=SIZE[0] // 2))
     assert draft.shape == normal.shape == (90, 160, 4)
     assert small.small.shape == (45, 80, 4) and whole.small.shape == (90, 160, 4)
     assert len(small.views.offsets) < len(whole.views.offsets)
@@ -136,6 +136,8 @@ def test_large_frames_are_drawn_smaller() -> None:
     assert NORMAL.drawn_size((1280, 720)) == (640, 360)
     assert NORMAL.drawn_size((2160, 3840)) == (540, 960)
     assert DRAFT.drawn_size((3840, 2160)) == (960, 540)
+    assert DRAFT.drawn_size((960, 540)) == (960, 540)
     assert FINAL.drawn_size((7680, 4320)) == (3840, 2160)
     # The source has no detail for CG objects.
     assert NORMAL.drawn_size((3840, 2160), has_cg=True) == (3840, 2160)
+    assert DRAFT.drawn_size((3840, 2160), has_cg=True) == (960, 540)

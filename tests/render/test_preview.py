@@ -18,7 +18,7 @@ from addon.core.base.worker import Call
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.frame.plan import FrameOptions
-from addon.core.frame.quality import DRAFT, FINAL
+from addon.core.frame.quality import FINAL
 from addon.core.frame.repairs import Repair
 from addon.core.subjects.strokes import MarkedSubject
 from addon.render.processes.clip_process import ClipProcess
@@ -266,7 +266,7 @@ def test_the_best_picture_is_what_is_rendered(wanted: Wanted) -> None:
     # Final's depth is not searched for a look.
     final = replace(wanted, options=replace(wanted.options, quality=FINAL))
     assert np.array_equal(make_picture(final, FINE).linear, fine.linear)
-    assert replace(wanted, options=replace(wanted.options, quality=DRAFT)).best == FAIR
+    assert replace(wanted, is_playing=True).best == FAIR
 
 
 def test_the_clip_is_added_to_a_picture_that_is_there(previews: Previews, wanted: Wanted) -> None:

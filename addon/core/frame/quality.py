@@ -25,8 +25,6 @@ class Quality:
     """Text in the interface and on the command line, one sentence without a full stop."""
     views: float = 1.0
     """Factor to the automatic number of views."""
-    shrink: int = 1
-    """Divisor of each side of the picture, if it is drawn with dense depth."""
     longest: int = 960
     """Most pixels of the long side at which it is drawn with dense depth; detail in focus is the source's.
     Four of five real clips differ by 45.9 to 55.7 dB from their own size (`benchmarks.special
@@ -45,23 +43,24 @@ class Quality:
     def drawn_size(self, size: tuple[int, int], has_cg: bool = False) -> tuple[int, int]:
         """Return the (width, height) at which a frame of a size is drawn.
 
-        With CG objects `longest` does not count: the source has no detail for them.
+        With CG objects `longest` counts in drafts alone: the source has no detail for them.
         """
-        times = self.shrink if has_cg else max(self.shrink, math.ceil(max(size) / self.longest))
+        times = 1 if has_cg and self.better is None else math.ceil(max(size) / self.longest)
         return math.ceil(size[0] / times), math.ceil(size[1] / times)
 
 
 NORMAL = Quality("normal", 1, "Recommended")
 DRAFT = Quality(
-    "draft", 0, "A quick look: drawn at half size, with full sharpness where in focus",
-    views=0.5, shrink=2, stereo_side=480,
-    largest_texture=0, better=NORMAL,
+    "draft", 0, "A quick look: half the views, and coarser depth",
+    views=0.5, stereo_side=480, largest_texture=0, better=NORMAL,
 )  # fmt: skip
 """A quarter of normal's time to draw, and a third with depth to find (`python -m benchmarks.timings.speed`),
 for 0.7, 2.6 and 1.4 dB on bars, fence and walk with true depth at 32 pixels (`python -m
 benchmarks.accuracy.envelope`; fence by a scratch script)."""
+FAIR_LOOK = replace(DRAFT, name="fair look", help="Shown while a picture is made", longest=480)
+"""Internal: shown before a picture of the scene's quality."""
 FIRST_LOOK = replace(
-    DRAFT, name="first look", help="From neighbouring frames alone, shown while depth is found",
+    FAIR_LOOK, name="first look", help="From neighbouring frames alone, shown while depth is found",
     stereo_side=COARSE, fusion=FusionOptions(step=1, sides=0), finds_subjects=False,
 )  # fmt: skip
 """Internal: shown before a frame's depth is known."""

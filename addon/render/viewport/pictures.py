@@ -24,7 +24,7 @@ from ...core.frame.inspection import SOURCE_VIEWS
 from ...core.frame.inspection import picture as inspected
 from ...core.frame.meshers import MESHERS
 from ...core.frame.plan import FrameOptions
-from ...core.frame.quality import DRAFT, FINAL, FIRST_LOOK, NORMAL
+from ...core.frame.quality import DRAFT, FAIR_LOOK, FINAL, FIRST_LOOK, NORMAL
 from ...core.media.light import to_linear
 from ...scene.sources.shot import Shot
 from ..cg import cg_preview
@@ -41,8 +41,8 @@ ROUGH_VIEWS = 16
 NO_HIGHLIGHTS = HighlightSettings(gain=0.0)
 CLIP, ROUGH, FIRST, COARSE, FAIR, FINE = range(-1, 5)
 """How good a picture is: the frame as it was shot alone; small, from the feature points, and a first look
-from the frame's own neighbours, while depth is being found; a small draft; a draft at the preview's size; the
-same in the scene's quality, normal at most."""
+from the frame's own neighbours, while depth is being found; a small draft; a fair look; the scene's quality,
+normal at most."""
 
 
 @dataclass(frozen=True)
@@ -88,9 +88,7 @@ class Wanted:
     @property
     def best(self) -> int:
         """The best level that is worth its time."""
-        if self.shows:
-            return FAIR
-        return FAIR if self.is_playing or self.options.quality == DRAFT else FINE
+        return FAIR if self.shows or self.is_playing else FINE
 
 
 @dataclass(frozen=True)
@@ -186,8 +184,7 @@ def _rough(wanted: Wanted) -> LinearRGBA:
 def _through_lens(wanted: Wanted, level: int, file: Path | None = None) -> LinearRGBA:
     context, options, size = wanted.shot.context, wanted.options, wanted.size
     if level <= FAIR:
-        quality = FIRST_LOOK if level == FIRST else DRAFT
-        options = replace(options, quality=quality)
+        options = replace(options, quality=FIRST_LOOK if level == FIRST else FAIR_LOOK)
     if level == ROUGH:
         options = replace(options, method="features", views=ROUGH_VIEWS)
     if level <= COARSE or wanted.is_playing:
