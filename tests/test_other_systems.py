@@ -90,7 +90,7 @@ def test_windows_locks_a_byte_beyond_the_text(windows_locks: None, tmp_path: Pat
     assert one.is_locked and file_lock.owner_of(tmp_path / "lock")
     with pytest.raises(UserError, match="here since"):
         file_lock.FileLock(tmp_path / "lock", UserError, patience=0)
-    assert not file_lock.is_abandoned(tmp_path / "lock", "", 0)
+    assert not file_lock.is_abandoned(tmp_path / "lock")
     one.release()
     assert not (tmp_path / "lock").exists()
 

@@ -13,7 +13,7 @@ import pytest
 
 from addon.core.base import atomic, file_lock
 from addon.core.base.errors import UserError
-from addon.core.base.file_lock import UNKNOWN, is_abandoned, process_table
+from addon.core.base.file_lock import is_abandoned
 from addon.core.sfm.state import recover
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -98,7 +98,7 @@ def test_what_was_killed_in_another_namespace_is_collected(home: Path) -> None:
 
 def test_what_cannot_be_told_is_not_removed(home: Path) -> None:
     # Another machine's, a container's, an older version's; all of them as old as can be.
-    for name in ("0123456789ab-7-0123abcd", f"{UNKNOWN}-999999999-0123abcd", "host-999999999-0123abcd"):
+    for name in ("0123456789ab-7-0123abcd", "0123456789ab-0123abcd", "host-999999999-0123abcd"):
         for path in (home / f".part-{name}-a.png", home / "work" / f".solving-{name}"):
             path.touch()
             os.utime(path, (0, 0))
@@ -113,14 +113,13 @@ def test_what_cannot_be_told_is_not_removed(home: Path) -> None:
 def test_a_lock_tells_whether_its_owner_lives(home: Path) -> None:
     lock = home / "work" / file_lock.NAME
     with held(home) as owner:
-        assert not is_abandoned(lock, process_table(), 999999999)
+        assert not is_abandoned(lock)
         with pytest.raises(UserError, match=f"is being solved into by process {owner.pid}"):
             file_lock.FolderLock(home / "work")
         owner.kill()
         owner.wait()
-        # Whatever the table says: the number may be another process's by now.
-        assert is_abandoned(lock, "0123456789ab", os.getpid())
-    assert not is_abandoned(home / "none", "0123456789ab", 7)
+        assert is_abandoned(lock)
+    assert not is_abandoned(home / "none")
 
 
 def test_what_cannot_be_written_leaves_no_lock(home: Path) -> None:

@@ -17,7 +17,6 @@ import pytest
 
 from addon.core.base import digest, file_lock
 from addon.core.base.errors import Remedy, UserError
-from addon.core.base.file_lock import process_table
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import open_footage
 from addon.core.media.clip_identity import identity, is_same_clip
@@ -283,8 +282,9 @@ def test_a_kill_between_model_and_state_loses_nothing(tmp_path: Path, moved: str
     before = listed(work / "model")
     longer = Intrinsics(LENS.width, LENS.height, 2 * LENS.fx, 2 * LENS.fy, LENS.cx, LENS.cy)
     keep(clip, other, longer)
-    killed = work / f".solving-{process_table()}-999999999-0123abcd"
+    killed = work / ".solving-0123456789ab-0123abcd"
     killed.mkdir()
+    (work / file_lock.NAME).touch()
     (work / "model").rename(killed / "old")
     shutil.copy(other / "solve.json", killed)
     if moved != "old":
@@ -295,7 +295,7 @@ def test_a_kill_between_model_and_state_loses_nothing(tmp_path: Path, moved: str
     expected = before if moved == "old" else listed(other / "model")
     assert load_solve(work).reconstruction.cameras[0].fx == (LENS.fx if moved == "old" else longer.fx)
     assert listed(work / "model") == expected
-    assert sorted(p.name for p in work.iterdir()) == ["model", "solve.json"]
+    assert sorted(p.name for p in work.iterdir()) == [file_lock.NAME, "model", "solve.json"]
 
 
 def test_a_killed_solve_leaves_nothing_after_the_next_start(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import bpy
@@ -11,7 +10,6 @@ import pytest
 
 from addon.core.base import atomic
 from addon.core.base.errors import UserError
-from addon.core.base.file_lock import process_table
 from addon.render import engine
 from addon.render.output import frame_files, output
 from addon.render.output.frame_files import frame_keys
@@ -123,13 +121,16 @@ def test_a_movie_without_its_last_bytes_is_told(ready: bpy.types.Scene, tmp_path
 
 
 def test_unfinished_files_of_dead_processes_are_collected(tmp_path: Path) -> None:
-    table = process_table()
-    dead, mine = tmp_path / f".part-{table}-999999999-0123abcd-a.png", tmp_path / ".part-mine.png"
-    alive = tmp_path / f".part-{table}-{os.getppid()}-0123abcd-a.png"
-    for path in (dead, mine, alive):
+    names = "0123456789ab-0123abcd", "0123456789ab-7-0123abcd"
+    dead = [tmp_path / f".part-{name}{end}" for end in ("-a.png", ".lock") for name in names]
+    mine, unknown = tmp_path / ".part-mine.png", tmp_path / ".part-0123456789ab-89abcdef-a.png"
+    for path in (*dead, mine, unknown):
         path.touch()
-    assert atomic.collect_orphans(tmp_path) == [dead]
-    assert sorted(tmp_path.iterdir()) == sorted([mine, alive])
+    with atomic.owned(tmp_path, atomic.PART) as name:
+        alive = [tmp_path / f"{name}-a.png", tmp_path / f"{name}.lock"]
+        alive[0].touch()
+        assert sorted(atomic.collect_orphans(tmp_path)) == sorted(dead)
+        assert sorted(tmp_path.iterdir()) == sorted([mine, unknown, *alive])
 
 
 def test_what_fails_while_writing_leaves_the_old_file(tmp_path: Path) -> None:

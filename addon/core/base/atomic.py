@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import UserError
-from .file_lock import FileLock, is_abandoned, process_table
+from .file_lock import FileLock, is_abandoned
 from .file_names import checked_name
 
 PART = ".part-"
@@ -26,12 +26,14 @@ TEMPORARY = "virtual-aperture-"
 """Prefix of a folder in the system's folder for temporary files."""
 LOCK = ".lock"
 """Suffix of the lock file beside a name by `owned_name`."""
-_OWNED = re.compile(r"(?P<name>(?P<table>[0-9a-f]{12})-(?P<pid>\d+)-[0-9a-f]{8})(-.+|\.lock)?")
+_OWNED = re.compile(r"(?P<name>[0-9a-f]{12}(-\d+)?-[0-9a-f]{8})(-.+|\.lock)?")
+"""Names without their prefix; version 1.0 had the process's number in them."""
 
 
 def owned_name(prefix: str) -> str:
-    """Return a unique name that contains this process's number and its process table."""
-    return f"{prefix}{process_table()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+    """Return a unique name."""
+    digits = uuid.uuid4().hex
+    return f"{prefix}{digits[:12]}-{digits[12:20]}"
 
 
 @contextmanager
@@ -158,6 +160,6 @@ def orphans(folder: Path, prefix: str, lock: Path | None = None) -> list[Path]:
             match = _OWNED.fullmatch(path.name.removeprefix(prefix)) if path.name.startswith(prefix) else None
             if match is not None:
                 held = lock or folder / f"{prefix}{match['name']}{LOCK}"
-                if is_abandoned(held, match["table"], int(match["pid"])):
+                if is_abandoned(held):
                     found.append(path)
     return sorted(found, key=lambda path: path.name.endswith(LOCK))

@@ -1,20 +1,17 @@
 """Lock files that a process holds while it lives, by a lock of the operating system that ends with it.
 
-They keep two solves out of one working folder, and two runs from writing one movie. Their owners are named by
-process and process table: numbers of processes are unique within one boot of a kernel and one namespace.
+They keep two solves out of one working folder, and two runs from writing one movie.
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import hashlib
 import json
 import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from functools import cache
 from pathlib import Path
 
 from .errors import Remedy, UserError
@@ -34,9 +31,6 @@ PATIENCE, PAUSE = 0.2, 0.01
 NAME = ".solving.lock"
 OUTPUT = ".virtual-aperture-"
 """Prefix of an output's lock, which ends in .lock."""
-PROC = Path("/proc")
-UNKNOWN = "0" * 12
-"""Digits for a table that cannot be identified."""
 
 
 class FileLock:
@@ -119,27 +113,20 @@ def claimed(path: Path) -> Iterator[bool]:
         yield is_free
 
 
-def is_abandoned(lock: Path, table: str, pid: int) -> bool:
-    """Return whether the process that held a lock has certainly ended.
+def is_abandoned(lock: Path) -> bool:
+    """Return whether the process that held a lock file has certainly ended.
 
-    Args:
-        lock: The lock file. If it is gone, or its file system has no locks, the process decides.
-        table: `process_table` of the machine or container that the process ran in.
-        pid: Number of the process there.
+    It is unknown on a file system without locks, and of a file that is gone.
     """
-    try:
-        file = os.open(lock, os.O_RDWR) if is_regular(lock) else None
-    except OSError:
-        file = None
-    if file is None:
-        return is_gone(table, pid)
-    try:
-        _lock(file)
-    except OSError as error:
-        return error.errno not in HELD and is_gone(table, pid)
-    finally:
-        os.close(file)
-    return True
+    with contextlib.suppress(OSError):
+        if is_regular(lock):
+            file = os.open(lock, os.O_RDWR)
+            try:
+                _lock(file)
+                return True
+            finally:
+                os.close(file)
+    return False
 
 
 def owner_of(lock: Path) -> dict[str, object]:
@@ -167,17 +154,14 @@ def _is_same(file: int, path: Path) -> bool:
 
 
 def _write_owner(file: int) -> None:
-    owner = {
-        "pid": os.getpid(), "table": process_table(), "host": host_name(),
-        "since": time.strftime("%H:%M"),
-    }  # fmt: skip
+    owner = {"pid": os.getpid(), "host": host_name(), "since": time.strftime("%H:%M")}
     os.ftruncate(file, 0)
     os.lseek(file, 0, os.SEEK_SET)
     os.write(file, json.dumps(owner).encode())
 
 
 def _who(owner: dict[str, object]) -> str:
-    if owner.get("pid") == os.getpid() and owner.get("table") == process_table():
+    if owner.get("pid") == os.getpid() and owner.get("host") == host_name():
         return f" here since {owner.get('since')}"
     if owner:
         return f" by process {owner.get('pid')} on {owner.get('host')} since {owner.get('since')}"
@@ -217,9 +201,7 @@ class OutputLock(FileLock):
 def collect_locks(folder: Path) -> None:
     """Remove the output locks whose owners have ended."""
     for path in folder.glob(f"{OUTPUT}*.lock"):
-        owner = owner_of(path)
-        pid = owner.get("pid")
-        if is_abandoned(path, str(owner.get("table")), pid if isinstance(pid, int) else 0):
+        if is_abandoned(path):
             with contextlib.suppress(UserError, OSError):
                 FileLock(path, UserError).release()
 
@@ -227,41 +209,3 @@ def collect_locks(folder: Path) -> None:
 def host_name() -> str:
     """Return the name of this machine; empty if the system does not report it."""
     return os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")
-
-
-@cache
-def process_table() -> str:
-    """Return 12 hexadecimal digits of this process's table, or `UNKNOWN`.
-
-    Containers and copied machines share host names, but not boot IDs of Linux and process namespaces. Other
-    systems report neither.
-    """
-    if sys.platform != "linux":
-        return UNKNOWN
-    try:
-        start = (PROC / "sys/kernel/random/boot_id").read_text()
-        named = f"{host_name()} {start} {(PROC / 'self/ns/pid').readlink()}"
-    except OSError:
-        return UNKNOWN
-    return hashlib.sha256(named.encode()).hexdigest()[: len(UNKNOWN)]
-
-
-def is_gone(table: str, pid: int) -> bool:
-    """Return whether a process of this process's own table has certainly ended."""
-    if UNKNOWN in (table, process_table()) or table != process_table():
-        return False
-    return pid != os.getpid() and not _is_alive(pid)
-
-
-def _is_alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        return True
-    # A zombie still has its number. The mounted table may be another namespace's.
-    with contextlib.suppress(OSError, IndexError):
-        if (PROC / "self").readlink() == Path(str(os.getpid())):
-            return (PROC / f"{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0] != "Z"
-    return True
