@@ -19,6 +19,9 @@ SPACE = "view('VIEW_3D')['area'].spaces.active"
 VIEWPORT = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport.viewport']"
 PREVIEW = f"{VIEWPORT}.PREVIEW"
 BUSY = f"{PREVIEW}.is_busy()"
+RING = f"{EXTENSION}.addon.ui.panels.live_preview"
+STOPS = 2
+"""Stops by which the ring is dragged."""
 FRAMES = tuple(range(1, 13))
 SCRUBBED, APART = 20, 0.1
 """Steps of a held arrow key, and seconds from one to the next."""
@@ -127,3 +130,28 @@ def test_the_line_is_dragged(program: Program) -> None:
     program.settle()
     assert program.ask(f"{SETTINGS}.viewport_wipe") == 0
     assert np.array_equal(seen(program, "back", 0.1, 0.5), blurred)
+
+
+def test_the_ring_is_dragged_for_more_blur_and_less(program: Program) -> None:
+    x, low = program.ask(
+        "with bpy.context.temp_override(**view('VIEW_3D')):\n"
+        f"    place = __import__('sys').modules['{RING}']._ring_place(bpy.context)\n"
+        "left, bottom, _, _ = rectangle('VIEW_3D', 'WINDOW')\n"
+        "[left + place[0], bottom + place[1]]"
+    )
+    y = program.screen.size[1] - low
+    # What a script has set is no step.
+    before = program.ask(f"bpy.ops.ed.undo_push(message='Blur')\n{SETTINGS}.blur_percent")
+    program.screen.move(x, y)
+    program.settle()
+    program.shot("ring")
+    program.screen.drag((x, y), (x, y - STOPS * 60))
+    program.settle()
+    assert program.ask(f"{SETTINGS}.blur_percent") == pytest.approx(before * 2 ** (STOPS / 2), rel=0.05)
+    program.screen.move(*over(program, (0.5, 0.5)))
+    program.screen.key("ctrl+z")
+    program.wait(f"abs({SETTINGS}.blur_percent - {before}) < 1e-3")
+    program.ask(f"{SETTINGS}.f_stop = 2.0")
+    program.screen.drag((x, y), (x, y + STOPS * 60))
+    program.settle()
+    assert program.ask(f"{SETTINGS}.f_stop") == pytest.approx(2.0 * 2 ** (STOPS / 2), rel=0.05)

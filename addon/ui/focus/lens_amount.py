@@ -46,6 +46,14 @@ def stored_by(settings: bpy.types.PropertyGroup) -> str:
     return "F_STOP" if settings.by_f_stop else "RADIUS"
 
 
+def words(settings: bpy.types.PropertyGroup) -> str:
+    """Return the stored amount of blur as a text, with the f-stop where the scale is known."""
+    guess = " (guess)" * (not settings.metres_per_unit > 0)
+    stop = f"f/{settings.f_stop:.2g}{guess}" if scale.known_scale(settings) > 0 else ""
+    stored = f"{settings.blur_percent:.2g} %" if stored_by(settings) == "BLUR" else ""
+    return "  ".join(filter(None, (stored, stop))) or f"radius {settings.aperture_radius:.3g}"
+
+
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the stored number and its results; with a known scale, also the choice of another number."""
     settings = context.scene.virtual_aperture

@@ -10,16 +10,19 @@ import numpy as np
 from ...render.engine import VirtualApertureEngine
 from ...render.viewport.viewport import PREVIEW, boxes_shown, camera_frame
 from ...scene import parts
+from ...scene.lens import lens
 from ..base.operators import NO_CAMERA, Acts, has_solve, is_met
-from ..focus import focus_strip
+from ..focus import focus_strip, lens_amount
 from ..picking.pick_focus import VIRTUAL_APERTURE_OT_pick_focus
-from ..picking.pick_view import WHITE, XY, line, ring
+from ..picking.pick_view import WHITE, XY, CameraView, line, ring, words
 
 NEAR = 8.0
 """Pixels, at a resolution scale of 1, from the line within which the mouse takes it."""
 HANDLE = 7.0
 """Radius of the ring on the line, in the same pixels."""
 DIM = (1.0, 1.0, 1.0, 0.7)
+STOP = 60.0
+"""Pixels, at a resolution scale of 1, that the mouse is dragged for a stop."""
 CORNER = 0.2
 """Length of a bracket's arm, over the shorter side of its box."""
 
@@ -120,6 +123,45 @@ class VIRTUAL_APERTURE_GT_wipe(bpy.types.Gizmo):  # noqa: N801
             context.scene.virtual_aperture.viewport_wipe = self.before
 
 
+class VIRTUAL_APERTURE_GT_amount(bpy.types.Gizmo):  # noqa: N801
+    """A ring with the stored amount of blur; dragged up, the lens opens."""
+
+    bl_idname = "VIRTUAL_APERTURE_GT_amount"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        place, scale = _ring_place(context), context.preferences.system.ui_scale
+        if place is None:
+            return
+        is_taken = self.is_highlight or self.is_modal
+        line(ring(place, HANDLE * scale), WHITE if is_taken else DIM, 3 * scale)
+        if is_taken:
+            words(lens_amount.words(context.scene.virtual_aperture), place, place[0], scale)
+
+    def test_select(self, context: bpy.types.Context, location: XY) -> int:
+        """Return 0 if the mouse, in the region's pixels, is on the ring, else -1."""
+        place, near = _ring_place(context), 2 * NEAR * context.preferences.system.ui_scale
+        return 0 if place is not None and np.hypot(*np.subtract(location, place)) <= near else -1
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        settings = context.scene.virtual_aperture
+        self.field, self.begun = lens_amount.FIELDS[lens_amount.stored_by(settings)], event.mouse_region_y
+        self.before = getattr(settings, self.field)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event, _tweak: Any) -> set[str]:
+        stops = (event.mouse_region_y - self.begun) / (STOP * context.preferences.system.ui_scale)
+        across = 2 ** (stops / 2)
+        now = self.before / across if self.field == "f_stop" else self.before * across
+        setattr(context.scene.virtual_aperture, self.field, now)
+        return {"RUNNING_MODAL"}
+
+    def exit(self, context: bpy.types.Context, cancel: bool) -> None:
+        if cancel:
+            setattr(context.scene.virtual_aperture, self.field, self.before)
+        else:
+            bpy.ops.ed.undo_push(message="Set Blur")
+
+
 class VIRTUAL_APERTURE_GT_picture(bpy.types.Gizmo):  # noqa: N801
     """Takes clicks on the picture, which set the focus, and shows the subjects that they would follow."""
 
@@ -166,7 +208,8 @@ class VIRTUAL_APERTURE_GGT_wipe(bpy.types.GizmoGroup):  # noqa: N801
 
     def setup(self, _context: bpy.types.Context) -> None:
         self.gizmos.new(VIRTUAL_APERTURE_GT_wipe.bl_idname).use_draw_modal = True
-        # After the line, which is over the same picture.
+        self.gizmos.new(VIRTUAL_APERTURE_GT_amount.bl_idname).use_draw_modal = True
+        # After the others, which are over the same picture.
         picture = self.gizmos.new(VIRTUAL_APERTURE_GT_picture.bl_idname)
         picture.target_set_operator(VIRTUAL_APERTURE_OT_pick_focus.bl_idname).tap = True
         picture.use_tooltip = False
@@ -180,6 +223,16 @@ def _line(context: bpy.types.Context) -> tuple[float, float, float] | None:
     left, bottom, width, height = frame
     x = left + context.scene.virtual_aperture.viewport_wipe * width
     return x, max(bottom, 0.0), min(bottom + height, float(context.region.height))
+
+
+def _ring_place(context: bpy.types.Context) -> XY | None:
+    """Place of the ring, in pixels of the region: at the right border; None where nothing is in focus."""
+    frame = camera_frame(context, context.scene)
+    if frame is None or not lens.is_in_focus(context.scene.virtual_aperture):
+        return None
+    left, bottom, width, height = frame
+    right = min(left + width, CameraView(context.area, context.region).right_border())
+    return right - 4 * NEAR * context.preferences.system.ui_scale, bottom + height / 4
 
 
 def draw_header(header: bpy.types.Header, context: bpy.types.Context) -> None:
