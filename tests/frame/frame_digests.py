@@ -67,7 +67,7 @@ DISC = 12.0
 FEW = FusionOptions(step=1, sides=1)
 SUBJECTS = replace(NORMAL, name="subjects", stereo_side=WIDTH, fusion=FEW)
 QUICK = replace(SUBJECTS, name="quick", finds_subjects=False)
-SMALL = replace(QUICK, name="small", longest=WIDTH // 2)
+SMALL = replace(QUICK, name="small", longest=WIDTH // 2, better=NORMAL)
 LENS = FrameOptions(Focus(), 0.0, quality=QUICK, views=16, highlights=HighlightSettings(0.0), grain=0.0)
 """Without every effect."""
 
