@@ -181,7 +181,7 @@ def test_a_mark_is_named_by_what_was_picked(scene: bpy.types.Scene, shot: Shot) 
     named = {
         "Place": [clicked],
         "Point cloud": [vertices],
-        "Person": [replace(moving, subject="person")],
+        "Subject": [replace(moving, subject="person")],
         "Dog": [replace(moving, subject="Dog")],
         "Places": [clicked, still],
         "Distance": [at(3, 6.0)],

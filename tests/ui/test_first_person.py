@@ -68,7 +68,7 @@ def test_the_nearest_person_takes_the_place_of_the_first_focus(
     blur = settings.blur
     first_person.focus(scene)
     (mark,) = settings.marks.items
-    assert settings.marks.is_first and mark.name == "Person" and mark.frame in FEW
+    assert settings.marks.is_first and mark.name == "Subject" and mark.frame in FEW
     assert list(mark.places[0].followed) == list(FEW)
     assert settings.focus_distance == pytest.approx(walls.NEAR, rel=0.02)
     assert settings.blur == pytest.approx(blur, rel=1e-5)

@@ -32,8 +32,7 @@ _OWNED = re.compile(r"(?P<name>[0-9a-f]{12}(-\d+)?-[0-9a-f]{8})(-.+|\.lock)?")
 
 def owned_name(prefix: str) -> str:
     """Return a unique name."""
-    digits = uuid.uuid4().hex
-    return f"{prefix}{digits[:12]}-{digits[12:20]}"
+    return f"{prefix}{uuid.uuid4().hex[:12]}-{uuid.uuid4().hex[:8]}"
 
 
 @contextmanager

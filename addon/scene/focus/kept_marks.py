@@ -45,8 +45,9 @@ def name_of(places: Sequence[Place]) -> str:
     if len(places) > 1:
         return "Places"
     (place,) = places
-    if place.subject:
-        return f"{place.subject[0].upper()}{place.subject[1:]}"
+    # Animals are found as people, too.
+    if name := {"person": "subject"}.get(place.subject, place.subject):
+        return f"{name[0].upper()}{name[1:]}"
     if place.xy is not None or place.world is not None or place.followed:
         return "Place"
     return "Point cloud" if place.focus.points else "Distance"
