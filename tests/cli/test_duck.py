@@ -25,10 +25,7 @@ def sharpness(picture: np.ndarray, box: tuple[int, int, int, int], dx: int = 0, 
     return float(cv2.Laplacian(part.astype(float), cv2.CV_64F).var())
 
 
-LOST = pytest.mark.xfail(strict=True, reason="in frame 118 a part of the helmet beside the matte is blurred")
-
-
-@pytest.mark.parametrize("name", [pytest.param("####.png", marks=LOST), "duck.mp4"])
+@pytest.mark.parametrize("name", ["####.png", "duck.mp4"])
 def test_the_duck_is_sharp_and_the_wall_is_not(duck: Path, data: Path, tmp_path: Path, name: str) -> None:
     # The first, the last, and three in the middle: each that stands alone has its neighbours' depth to find.
     frames = "1-118:117" if name.endswith("png") else "58-60"
