@@ -58,6 +58,7 @@ def running(
         if tab:
             made.show_sidebar("Virtual Aperture")
         yield made
+        assert "Traceback" not in made.said(), made.said()[-3000:]
     finally:
         made.close()
 

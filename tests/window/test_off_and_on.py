@@ -53,6 +53,7 @@ def test_the_previews_process_has_this_gpu_backend(program: Program) -> None:
 
 def test_the_preview_goes_on_when_its_process_is_killed(program: Program) -> None:
     preview(program, "before_it_is_killed")
+    program.wait(f"not {PREVIEW}.is_busy()", 300)
     killed = program.ask(PROCESS)
     # So many that the picture is not finished before the process is killed.
     program.ask(f"{SETTINGS}.views = 2000; None")

@@ -138,6 +138,8 @@ class Preview:
         if kept is not None and kept.clip is None and wanted.with_clip:
             return wanted, CLIP
         if done >= wanted.best:
+            self.version += bool(self.note)
+            self._restarted, self.note = None, ""
             return None
         return wanted, done + 1
 
@@ -189,8 +191,6 @@ class Preview:
         else:
             if made.level == FAIR and not wanted.shows:
                 self._draft_seconds = made.seconds
-            if made.level == wanted.best:
-                self._restarted, self.note = None, ""
             self._keep(Picture(wanted, made.level, made.linear, made.clip, made.boxes))
 
     def _keep(self, picture: Picture) -> None:

@@ -116,7 +116,8 @@ class Meanwhile(Named):
 
     def cancel(self, _context: bpy.types.Context) -> None:
         """Called by Blender when another file is loaded meanwhile, or the question is answered by no."""
-        self.end()
+        if self._timer is not None:
+            self.end()
 
     def _close(self, context: bpy.types.Context) -> None:
         self.end()
