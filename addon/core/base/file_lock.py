@@ -1,7 +1,4 @@
-"""Lock files that a process holds while it lives, by a lock of the operating system that ends with it.
-
-They keep two solves out of one working folder, and two runs from writing one movie.
-"""
+"""Lock files of working folders and outputs, by locks of the operating system that end with their process."""
 
 from __future__ import annotations
 
