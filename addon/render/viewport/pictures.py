@@ -195,6 +195,7 @@ def _through_lens(wanted: Wanted, level: int, file: Path | None = None) -> Linea
             options = replace(options, highlights=NO_HIGHLIGHTS)
     if level in (ROUGH, COARSE):
         size = _coarse(size)
+        options = replace(options, quality=replace(options.quality, longest=COARSE_SIDE // 2))
     elif options.quality == FINAL:
         options = replace(options, quality=NORMAL)
     # Until Cycles has drawn them, the clip is seen without.
