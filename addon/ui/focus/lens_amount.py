@@ -2,7 +2,7 @@
 
 import bpy
 
-from ...scene.lens import depth_of_field, lens, scale
+from ...scene.lens import lens, scale
 from ..base.operators import Edits, has_focus, may_change, polls
 from ..base.text import wrapped
 from . import lens_presets
@@ -46,12 +46,15 @@ def stored_by(settings: bpy.types.PropertyGroup) -> str:
     return "F_STOP" if settings.by_f_stop else "RADIUS"
 
 
-def words(settings: bpy.types.PropertyGroup) -> str:
+def amount_words(settings: bpy.types.PropertyGroup) -> str:
     """Return the stored amount of blur as a text, with the f-stop where the scale is known."""
-    guess = " (guess)" * (not settings.metres_per_unit > 0)
-    stop = f"f/{settings.f_stop:.2g}{guess}" if scale.known_scale(settings) > 0 else ""
+    stop = _stop_words(settings) if scale.known_scale(settings) > 0 else ""
     stored = f"{settings.blur_percent:.2g} %" if stored_by(settings) == "BLUR" else ""
     return "  ".join(filter(None, (stored, stop))) or f"radius {settings.aperture_radius:.3g}"
+
+
+def _stop_words(settings: bpy.types.PropertyGroup) -> str:
+    return f"f/{settings.f_stop:.2g}" + " (guess)" * (not settings.metres_per_unit > 0)
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -67,9 +70,8 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     lens_presets.VIRTUAL_APERTURE_PT_lens_presets.draw_panel_header(row)
     results = [] if kind == "BLUR" else [f"background blur {settings.blur_percent:.3g} % here"]
     if kind != "F_STOP" and scale.known_scale(settings) > 0:
-        given = depth_of_field.f_stop(settings)
-        results.append(f"f/{given:.2g}" + " (guess)" * is_guess)
-        results += ["faster than any lens"] if given < FASTEST else []
+        results.append(_stop_words(settings))
+        results += ["faster than any lens"] if settings.f_stop < FASTEST else []
     if results:
         wrapped(layout, context, f"Gives {', '.join(results)}")
 

@@ -14,7 +14,7 @@ from ...scene.lens import lens
 from ..base.operators import NO_CAMERA, Acts, has_solve, is_met
 from ..focus import focus_strip, lens_amount
 from ..picking.pick_focus import VIRTUAL_APERTURE_OT_pick_focus
-from ..picking.pick_view import WHITE, XY, CameraView, line, ring, words
+from ..picking.pick_view import WHITE, XY, CameraView, draw_beside, line, ring
 
 NEAR = 8.0
 """Pixels, at a resolution scale of 1, from the line within which the mouse takes it."""
@@ -135,7 +135,7 @@ class VIRTUAL_APERTURE_GT_amount(bpy.types.Gizmo):  # noqa: N801
         is_taken = self.is_highlight or self.is_modal
         line(ring(place, HANDLE * scale), WHITE if is_taken else DIM, 3 * scale)
         if is_taken:
-            words(lens_amount.words(context.scene.virtual_aperture), place, place[0], scale)
+            draw_beside(lens_amount.amount_words(context.scene.virtual_aperture), place, place[0], scale)
 
     def test_select(self, context: bpy.types.Context, location: XY) -> int:
         """Return 0 if the mouse, in the region's pixels, is on the ring, else -1."""

@@ -190,7 +190,7 @@ class Overlay:
             line([*self.view.pixels(self.scene, self.picked[-1:]), place], GREEN, scale)
         radius = self._brush_pixels() or RING * scale
         line(ring(place, radius), WHITE, 1.5 * scale)
-        words(self.text, place, self.view.right_border(), scale)
+        draw_beside(self.text, place, self.view.right_border(), scale)
 
     def _brush_pixels(self) -> float:
         """Radius of the brush in pixels of the region; 0 without one."""
@@ -244,7 +244,7 @@ def line(places: Sequence[Sequence[float]] | Floats, colour: tuple[float, ...], 
     gpu.state.blend_set("NONE")
 
 
-def words(text: str, mouse: XY, border: float, scale: float) -> None:
+def draw_beside(text: str, mouse: XY, border: float, scale: float) -> None:
     """Draw a line beside a place of the region, on its left where it would reach past a border."""
     blf.size(0, TEXT * scale)
     width, gap = blf.dimensions(0, text)[0], 16 * scale
