@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -94,6 +96,17 @@ def test_a_few_points_close_to_the_camera_do_not_take_the_blur_of_the_background
     assert radius_for_blur(clip(rays * depths[:, None]), Focus(distance=8.0), 1, 0.03) == pytest.approx(
         plain, rel=0.05
     )
+
+
+def test_a_pull_to_the_background_of_a_static_camera_keeps_the_lens() -> None:
+    """Its points have no depth: a person in front of them gets the blur that the background had."""
+    rays = np.random.default_rng(0).uniform([-0.1, -0.05, 1], [0.1, 0.05, 1], (100, 3))
+    moved = clip(10 * rays / np.linalg.norm(rays, axis=1, keepdims=True))
+    still = replace(moved, images=(moved.images[0], replace(moved.images[0], frame=2)))
+    assert still.stays and not moved.stays
+    person, wall = (radius_for_blur(still, Focus(distance=away), 1, 0.03) for away in (2.5, 10.0))
+    assert wall == pytest.approx(person, rel=0.02)
+    assert radius_for_blur(moved, Focus(distance=10.0), 1, 0.03) > 100 * wall
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.2])

@@ -4,10 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..base.arrays import Ints
+from ..base.arrays import Floats, Ints
 from ..base.errors import UserError
 from ..camera.reconstruction import Intrinsics, Reconstruction
-from ..depth.sparse import frame_features, point_inverse_depths
+from ..depth.flat_scene import BEYOND
+from ..depth.sparse import FrameFeatures, frame_features, point_inverse_depths
 from ..optics.thin_lens import ThinLens
 from ..optics.zone import NO_ZONE, InFocusZone
 
@@ -157,7 +158,8 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
     D = 2 R f |1/Z - 1/Zf|. The farthest background is the 2nd percentile of the frame's inverse depths
     (single points farther away are mostly wrong). With the background itself in focus, the nearest
     foreground, the 98th percentile, takes its place; whether it is in focus is judged by the 90th, as points
-    on moving people seem close to the camera. UserError where there is nothing to blur.
+    on moving people seem close to the camera. Points without depth are all background, before which subjects
+    stand as in `FlatScene`. UserError where there is nothing to blur.
     """
     canvas = reconstruction.canvas(frame)
     # First: where nothing is in focus a million points need not be looked at.
@@ -168,9 +170,7 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
             f"frame {frame} has no usable feature points to measure blur by; pick the focus in another"
             " frame, set the aperture radius, or solve the clip again"
         )
-    inverse = lens.focus
-    known = lens.rectified(features.inverse_depth, features.observed)
-    far, near, nearest = np.percentile(known, [2, 90, 98])
+    inverse, (far, near, nearest) = lens.focus, _extent(reconstruction, lens, features)
     contrast = inverse - far
     if contrast < max(0.25 * (near - inverse), AT_BACKGROUND * inverse):
         contrast = max(contrast, nearest - inverse)
@@ -180,6 +180,15 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
             " elsewhere or set the aperture radius"
         )
     return blur / float(2 * canvas.camera.fx * contrast / canvas.camera.width)
+
+
+def _extent(reconstruction: Reconstruction, lens: ThinLens, features: FrameFeatures) -> Floats:
+    """Return the 2nd, 90th and 98th percentile (3,) of a frame's inverse depths, in those of the lens."""
+    found = np.percentile(lens.rectified(features.inverse_depth, features.observed), [2, 90, 98])
+    away = reconstruction.points.xyz[features.points] - reconstruction.images[0].centre
+    if reconstruction.stays and np.allclose(np.linalg.norm(away, axis=1), np.linalg.norm(away[0])):
+        found[1:] = BEYOND * found[0]
+    return found
 
 
 def largest_discs(
@@ -197,8 +206,7 @@ def largest_discs(
     if not len(features.points):
         return 0.0, 0.0
     lens = replace(focus.lens(reconstruction, frame, canvas.pinhole, radius), zone=zone)
-    plane = lens.focus
-    far, near = np.percentile(lens.rectified(features.inverse_depth, features.observed), [2, 98])
+    plane, (far, _, near) = lens.focus, _extent(reconstruction, lens, features)
     of_contrast = 2 * radius * canvas.camera.fx / canvas.camera.width
     return float(of_contrast * max(near - plane, 0.0)), float(of_contrast * max(plane - far, 0.0))
 
