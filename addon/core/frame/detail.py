@@ -6,7 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ..base.arrays import LinearRGB, LinearRGBA, Map, repeated
+from ..base.arrays import LinearRGB, LinearRGBA, Map
 from ..warp.layer import Layer
 from .frame import Frame
 from .inspection import blur_discs, fewer_views
@@ -62,10 +62,9 @@ def painted_by_disparity(frame: Frame, values: Callable[[Map], LinearRGB], on_cg
     share = np.float32(frame.steadied.aperture_share if frame.steadied else 1.0)
 
     def one(layer: Layer) -> Layer:
-        if layer.disparity.size:
-            return layer.painted(repeated(values(share * layer.disparity), layer.finer))
-        # The picture is the canvas itself.
-        return layer.painted(values(np.nan_to_num(blur_discs(frame) / 2).astype(np.float32)))
+        # Without a disparity of its own, the picture is the canvas.
+        radii = share * layer.disparity if layer.disparity.size else np.nan_to_num(blur_discs(frame) / 2)
+        return layer.painted(values(radii.astype(np.float32)))
 
     return replace(
         # The channels are not colours.

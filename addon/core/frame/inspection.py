@@ -15,7 +15,6 @@ from ..media.light import to_rgb8
 from ..optics.aperture import ApertureSamples
 from ..optics.aperture_sampling import vogel_disc
 from ..warp.layer import INPAINTED, OWN, Layer
-from ..warp.layered_mesh import FINER
 from ..warp.mesh import at_pixels
 from .frame import Frame
 
@@ -130,17 +129,7 @@ def _with_origin(layer: Layer, own: Mask) -> Layer:
     top, left = ((n - m) // 2 for n, m in zip(inside.shape, own.shape, strict=True))
     inside[top : top + own.shape[0], left : left + own.shape[1]] = own
     origin = np.where((layer.origin == OWN) & ~inside, INPAINTED, layer.origin)
-    colours = np.eye(len(SOURCES), dtype=np.float32)[origin]
-    return layer.painted(_finer(colours) if layer.finer > 1 else colours)
-
-
-def _finer(picture: LinearRGBA) -> LinearRGBA:
-    """Enlarge a picture (H, W, 3) to the texture's resolution, aligned with its texels."""
-    height, width = picture.shape[:2]
-    scale = np.array([[1 / FINER, 0, 0], [0, 1 / FINER, 0]])
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    size = FINER * width, FINER * height
-    return np.asarray(cv2.warpAffine(picture, scale, size, flags=flags, borderMode=cv2.BORDER_REPLICATE))
+    return layer.painted(np.eye(len(SOURCES), dtype=np.float32)[origin])
 
 
 def _with_border(layer: Layer, own: Mask) -> Layer:

@@ -104,7 +104,8 @@ class DisocclusionFill:
     ) -> tuple[SourceView, Map]:
         """Return another frame's view, and its colours (3, n) of the target's positions, or infinity."""
         camera = self._rec.intrinsics(other)
-        picture = self._pictures.get(other.frame, lambda: self._linear(other.frame))
+        side = min(LONGEST_SIDE, max(canvas.pinhole.width, canvas.pinhole.height))
+        picture = self._pictures.get((other.frame, side), lambda: self._linear(other.frame, side))
         checkpoint(0.5)
         reprojection = Reprojection.between(image, canvas.pinhole, other, camera)
         apart = GRID * camera.fx / canvas.pinhole.fx
@@ -178,12 +179,12 @@ class DisocclusionFill:
         around = 2 * int(np.ceil(MOVING_MARGIN * max(mask.shape))) + 1
         return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((around, around))) > 0)
 
-    def _linear(self, frame: int) -> LinearRGB:
-        """Read a source frame (h, w, 3) in linear light."""
+    def _linear(self, frame: int, longest: int) -> LinearRGB:
+        """Read a source frame (h, w, 3) in linear light, its sides at most `longest`."""
         checkpoint()
         picture = to_linear(self._read(frame))[..., :3]
         checkpoint()
-        zoom = LONGEST_SIDE / max(picture.shape)
+        zoom = longest / max(picture.shape)
         if zoom < 1:
             picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
         return np.ascontiguousarray(np.maximum(picture, 0), np.float32)

@@ -44,10 +44,13 @@ class Layer:
         return int(self.picture.shape[1] // self.disparity.shape[1])
 
     def painted(self, colour: Map | float) -> Layer:
-        """Replace its colours by others (n h, n w, 3), or by one value: with 0 it only occludes."""
-        alpha = self.picture[..., 3:]
+        """Replace its colours by those of its pixels (h, w, 3), or by one value: with 0 it only occludes."""
+        finer, mesh = self.finer if self.disparity.size else 1, self.mesh
+        # A pixel's centre is a texel's centre.
+        alpha = self.picture[::finer, ::finer, 3:]
         values = np.broadcast_to(np.asarray(colour, np.float32), (*alpha.shape[:2], 3))
-        return replace(self, picture=np.concatenate([alpha * values, alpha], axis=2))
+        mesh = replace(mesh, texture_xy=(mesh.texture_xy - 0.5) / finer + 0.5)
+        return replace(self, picture=np.concatenate([alpha * values, alpha], axis=2), mesh=mesh)
 
 
 def joined(layers: Sequence[Layer]) -> WarpMesh:
