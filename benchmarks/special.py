@@ -21,6 +21,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "gpu_sweep": (TIMINGS, "the plane sweep on the processor and on the GPU"),
     "real_costs": (TIMINGS, "real clips from command to written file; --profiles: by module (real data)"),
     "view_error": (TIMINGS, "error over the number of views"),
+    "workers": (TIMINGS, "a movie by processes and by workers of a farm (real data)"),
     "whole_runs": (TIMINGS, "a clip from command to written file"),
 }
 """By name, where its module lies and what it judges."""
