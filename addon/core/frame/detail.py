@@ -62,7 +62,7 @@ def painted_by_disparity(frame: Frame, values: Callable[[Map], LinearRGB], on_cg
     share = np.float32(frame.steadied.aperture_share if frame.steadied else 1.0)
 
     def one(layer: Layer) -> Layer:
-        # Without a disparity of its own, the picture is the canvas.
+        # Without a disparity, the picture is the canvas.
         radii = share * layer.disparity if layer.disparity.size else np.nan_to_num(blur_discs(frame) / 2)
         return layer.painted(values(radii.astype(np.float32)))
 
