@@ -86,7 +86,7 @@ class Screen:
                 self.move(*(a + (b - a) * n / 10 for a, b in zip(start, end, strict=True)))
                 time.sleep(0.02)
             # A busy Blender joins moves, and then begins where the mouse has come to.
-            time.sleep(0.2)
+            time.sleep(0.5)
         self._xdotool("mouseup", "1")
 
     def key(self, *names: str) -> float:
