@@ -8,6 +8,7 @@ import pytest
 
 from addon.core.base.arrays import Map, Mask
 from addon.core.camera.reconstruction import Intrinsics
+from addon.core.depth.matte import matte
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.stereo_depth import upsampled, whole_depth
 
@@ -91,3 +92,16 @@ def test_something_thin_before_it_keeps_its_own_depth() -> None:
     inverse, moving = np.where(small, 0.5, depth.inverse_depth).astype(np.float32), depth.moving & ~small
     result = whole_depth(DenseDepth(1, inverse, depth.confidence, moving, depth.pinhole), picture)
     assert np.mean(np.abs(result.inverse_depth[pickets] - 0.5) > 0.01) < 0.02
+
+
+def test_a_sharp_probability_has_no_halo_on_ground_of_its_colours() -> None:
+    """Without its sharpness the filter finds the subject's colours in the ground around."""
+    rng = np.random.default_rng(0)
+    noise = cv2.GaussianBlur(rng.uniform(0, 255, (360, 640, 3)).astype(np.float32), (0, 0), 1.5)
+    disc = cv2.circle(np.zeros((360, 640), np.uint8), (320, 180), 90, 255, -1)
+    picture = np.where(disc[..., None] > 0, 110, 128 + 3 * (noise - 128)).clip(0, 255).astype(np.uint8)
+    away = cv2.distanceTransform((disc == 0).astype(np.uint8), cv2.DIST_L2, 5)
+    halo = {}
+    for blur in (1.0, 4.0):
+        halo[blur] = float(matte(picture, cv2.GaussianBlur(disc, (0, 0), blur))[away > 8].max())
+    assert halo[1.0] == 0 and halo[4.0] > 0.1

@@ -18,9 +18,9 @@ of 960, it leaves a fifth to a half of the wrong pixels of upsampling by colour;
 more where colours are alike."""
 GUIDE_EPSILON = 100.0
 """Squared grey levels that count as one surface in that filter: from 30 to 300 it hardly matters there."""
-RADIUS = 1 / 80
-"""Radius of the guided filter over the picture's width. PSNR of the five crops of `alpha_crops` is 0.4 to 1.1
-dB higher than with 1 / 120, that of drawn masks of three clips -0.01 to 0.12."""
+WIDE, RADIUS = 1.5, 1 / 80
+"""Radius of the guided filter over the width of the unsure band, and over the picture's at most. Five crops
+have 0.4 to 1.1 dB more than with 1 / 120; without the former a cow by a segmenter has twice the halo."""
 EPSILON = 1e-4 * 255**2
 """Squared grey levels that count as one surface in it."""
 SOLID = (0.05, 0.95)
@@ -103,9 +103,7 @@ def outlined(
 
 
 def matte(picture: Bytes, share: Bytes) -> Map:
-    """Estimate the opacity of a subject from its probability in a smaller picture.
-
-    He, Sun and Tang, "Guided image filtering", 2010.
+    """Estimate the opacity of a subject from its probability in a smaller picture (He, Sun and Tang, 2010).
 
     Args:
         picture: (H, W, 3) uint8 RGB, display-encoded.
@@ -118,7 +116,9 @@ def matte(picture: Bytes, share: Bytes) -> Map:
     # The probability of twice the log-odds: most of the picture is sure.
     surer = odds / (odds + odds[::-1])
     whole = cv2.resize(surer[share], picture.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-    radius = max(round(RADIUS * picture.shape[1]), 1)
+    own, unsure = (whole > 0.5).astype(np.uint8), np.count_nonzero((whole > 0.02) & (whole < 0.98))
+    outline = np.count_nonzero(cv2.dilate(own, np.ones((3, 3), np.uint8)) != own)
+    radius = max(round(min(RADIUS * picture.shape[1], WIDE * unsure / max(outline, 1))), 1)
     part = around(whole > 0.02, 2 * radius)
     found = np.zeros(picture.shape[:2], np.float32)
     guide, near = np.ascontiguousarray(picture[part]), np.ascontiguousarray(whole[part])
