@@ -117,7 +117,7 @@ def matte(picture: Bytes, share: Bytes) -> Map:
     surer = odds / (odds + odds[::-1])
     whole = cv2.resize(surer[share], picture.shape[1::-1], interpolation=cv2.INTER_LINEAR)
     own, unsure = (whole > 0.5).astype(np.uint8), np.count_nonzero((whole > 0.02) & (whole < 0.98))
-    outline = np.count_nonzero(cv2.dilate(own, np.ones((3, 3), np.uint8)) != own)
+    outline = int(np.count_nonzero(cv2.dilate(own, np.ones((3, 3), np.uint8)) != own))
     radius = max(round(min(RADIUS * picture.shape[1], WIDE * unsure / max(outline, 1))), 1)
     part = around(whole > 0.02, 2 * radius)
     found = np.zeros(picture.shape[:2], np.float32)

@@ -183,7 +183,7 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
 
 
 def _extent(reconstruction: Reconstruction, lens: ThinLens, features: FrameFeatures) -> Floats:
-    """Return the 2nd, 90th and 98th percentile (3,) of `rectified` inverse depths; near ones may be assumed."""
+    """Return the 2nd, 90th and 98th percentile (3,) of `rectified` inverse depths, or assumed ones."""
     found = np.percentile(lens.rectified(features.inverse_depth, features.observed), [2, 90, 98])
     away = reconstruction.points.xyz[features.points] - reconstruction.images[0].centre
     if reconstruction.stays and np.allclose(np.linalg.norm(away, axis=1), np.linalg.norm(away[0])):
