@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.frame.first_person import nearest_subject
 from addon.core.frame.moving_parts import MovingParts
-from addon.core.frame.nearest_person import _weights, nearest_person
+from addon.core.frame.nearest_person import TURN, _Cast, _nearest, _weights, directed, nearest_person
 from addon.core.media.clip import open_footage
 from addon.core.subjects.clip_subjects import PEOPLE, ClipSubject, ClipSubjects
 from addon.core.subjects.cut import Cut
@@ -122,11 +122,47 @@ def test_focus_on_people_neither_flickers_nor_jumps() -> None:
     shown = np.ones((3, 80), bool)
     shown[1, :40] = False  # Until then the third is the nearest,
     shown[2, 10:12] = False  # who is lost for two frames.
-    weights = _weights(inverse, shown)
+    weights = _weights(_nearest(inverse, shown), 3)
     assert weights.sum(axis=0) == pytest.approx(np.ones(80))
     focus = (weights * inverse).sum(axis=0)
     assert focus[:30] == pytest.approx(np.full(30, 0.4)) and focus[50:] == pytest.approx(np.full(30, 0.5))
     assert (np.diff(focus) >= -1e-12).all() and np.diff(focus).max() < 0.025
+
+
+class Entering(Crowd):
+    """The crowd, which the nearest person joins in the middle of the clip."""
+
+    def shows(self, name: str, frame: int) -> Mask:
+        return standing(name, 5) & (name != "late" or frame > 16)
+
+
+def test_a_director_marks_who_enters() -> None:
+    clip = walls.filmed(walls.still)
+    marks = directed(Entering(clip.reconstruction, clip.read))
+    assert [mark.name for mark in marks] == ["Nearest person", "Person enters"]
+    assert [mark.places[0].distance for mark in marks] == [NAMES["near"], NAMES["late"]]
+    first, second = marks
+    # Half of the pull is before the entrance, as far as key frames know it.
+    assert first.frame == 1 and second.pull == TURN and second.frame - TURN // 2 in range(16, 22)
+    assert second.places[0].xy == pytest.approx((130 / WIDTH, 80 / HEIGHT), abs=0.01)
+    with pytest.raises(UserError, match="no person was found"):
+        directed(clip)
+
+
+def test_a_director_names_its_reasons() -> None:
+    frames, middle = list(range(100)), 50
+    shown, faces = np.ones((2, 100), bool), np.zeros((2, 100), bool)
+    cast = partial(_Cast, frames, [], [], np.ones((2, 100)))
+    assert cast(shown, faces).reason(0, 0, None) == "Nearest person"
+    assert cast(shown, faces).reason(middle, 1, 0) == "Comes nearer"
+    late = shown & ((np.arange(100) >= middle) | [[True], [False]])
+    assert cast(late, faces).reason(middle, 1, 0) == "Person enters"
+    assert cast(late, late).reason(middle, 1, 0) == "Face enters"
+    gone = shown & ((np.arange(100) < middle) | [[False], [True]])
+    assert cast(gone, faces).reason(middle, 1, 0) == "Other leaves"
+    # The first one turns away from the camera, or the second one to it.
+    assert cast(shown, gone).reason(middle, 1, 0) == "Other turns away"
+    assert cast(shown, late & [[False], [True]]).reason(middle, 1, 0) == "Turns around"
 
 
 def test_without_people_a_moving_object_is_in_focus() -> None:

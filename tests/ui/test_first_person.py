@@ -110,17 +110,18 @@ def test_people_give_a_scale_that_is_marked_as_a_guess(
 
 
 @pytest.mark.long
-def test_focus_follows_the_nearest_person(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_the_nearest_person_is_suggested(scene: bpy.types.Scene, tmp_path: Path) -> None:
     if not Networks().exist:
         pytest.skip("the networks are not in addon/networks: run tools/networks.py")
     pictures = [walls.with_person(frame)[..., ::-1] for frame in FEW]
     footage = open_footage(planes.write_clip(tmp_path / "walls", pictures, FEW[0]))
     settings = build(scene, footage, walls.filmed(walls.with_person, FEW).reconstruction)
-    scene.frame_set(FEW[4])
-    assert bpy.ops.virtual_aperture.follow_nearest() == {"FINISHED"}
+    assert bpy.ops.virtual_aperture.suggest_marks() == {"FINISHED"}
+    (suggested,) = settings.marks.suggested
+    assert suggested.name == "Nearest person" and not len(settings.marks.items)
+    assert bpy.ops.virtual_aperture.take_suggestion(frame=FEW[0]) == {"FINISHED"}
     (mark,) = settings.marks.items
-    assert mark.name == "Nearest person" and mark.frame == FEW[4]
-    assert list(mark.places[0].followed) == list(FEW)
+    assert mark.name == "Subject" and mark.frame == FEW[0] and list(mark.places[0].followed) == list(FEW)
     assert settings.focus_distance == pytest.approx(walls.NEAR, rel=0.02)
 
 

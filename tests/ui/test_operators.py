@@ -37,7 +37,9 @@ REFUSALS = {
     "focus_subject": "No subject is marked",
     "paint_repair": "frame 40 is after the end of the clip",
     "remove_repair": "Nothing has been repaired",
-    "follow_nearest": "no person was found in the clip",
+    "suggest_marks": "no person was found in the clip",
+    "take_suggestion": "nothing is suggested at frame 4",
+    "dismiss_suggestions": "There are no suggestions; Suggest Focus Marks makes some",
     "carry_subject": "No subject is marked",
     "remove_subject": "No subject is marked",
     "drag_focus_mark": "already has a focus mark",
@@ -65,7 +67,6 @@ REFUSALS = {
 """A part of the message with which an operator refuses, as a test that calls it quotes it."""
 NEVER_REFUSED = {
     "show_photo": "it lists the photos that can be shown, and without any it is disabled",
-    "jump_to_focus_mark": "every frame can be shown",
     "add_lens_preset": "Blender's own operator for presets: a name that is taken is left",
     "jump_to_frame": "any frame can be shown",
 }
@@ -84,7 +85,7 @@ NO_UNDO = {
     "delete_depth": "files that are deleted do not come back, which its question says",
 }
 """Why an operator cannot be undone: it changes no scene."""
-GROUPED = {"jump_to_focus_mark", "jump_to_frame"}
+GROUPED = {"jump_to_frame"}
 """Those that are undone together where several follow each other."""
 OPERATORS = {
     cls.bl_idname.removeprefix("virtual_aperture."): cls

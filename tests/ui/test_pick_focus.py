@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -111,7 +112,7 @@ def test_the_list_is_edited(scene: bpy.types.Scene, shot: Shot, capsys: pytest.C
     scene.frame_set(8)
     assert OPERATORS.move_focus_mark() == {"FINISHED"}
     assert frames(scene) == [3, 8] and settings.marks.active == 1
-    assert OPERATORS.jump_to_focus_mark(frame=3) == {"FINISHED"}
+    assert OPERATORS.jump_to_frame(frame=3) == {"FINISHED"}
     assert scene.frame_current == 3 and settings.marks.active == 0
     assert "virtual_aperture.jump_to_frame" not in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).operators
     settings.marks.unseen = "2 5 7"
@@ -160,3 +161,29 @@ def test_a_solve_puts_something_in_focus(
     picked = settings.marks.points
     assert OPERATORS.solve() == {"FINISHED"}
     assert not settings.marks.is_first and settings.marks.points == picked
+
+
+def test_suggestions_change_nothing_until_they_are_taken(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    with pytest.raises(RuntimeError, match="There are no suggestions; Suggest Focus Marks makes some"):
+        OPERATORS.dismiss_suggestions()
+    focus_marks.put_first(settings, at(1, 6.0).places[0])
+    distance, blur = settings.focus_distance, settings.blur
+    focus_marks.suggest(settings, [replace(at(n, n + 2.0), pull=2, name="Face enters") for n in (2, 5, 8)])
+    assert settings.marks.is_first and settings.focus_distance == distance
+    panel = panels.focus.VIRTUAL_APERTURE_PT_subjects
+    assert next(text for text in draw(panel).texts if "Face enters" in text).startswith("2: Face enters, 4")
+    with pytest.raises(RuntimeError, match="nothing is suggested at frame 4"):
+        OPERATORS.take_suggestion(frame=4)
+    # The automatic focus gives way; a later one is added.
+    assert OPERATORS.take_suggestion(frame=5) == {"FINISHED"}
+    assert frames(scene) == [5] and scene.frame_current == 5 and settings.focus_distance == 7.0
+    focus_marks.put(settings, 8, at(8, 3.0).places, add=True)
+    assert OPERATORS.take_suggestion(every=True) == {"FINISHED"}
+    # The user's mark at frame 8 stays.
+    assert [(mark.frame, mark.distance) for mark in settings.marks.items] == [(2, 4.0), (5, 7.0), (8, 3.0)]
+    assert [mark.pull for mark in settings.marks.items] == [2, 2, 0]
+    assert settings.blur == blur and not len(settings.marks.suggested)
+    focus_marks.suggest(settings, [at(4, 9.0)])
+    assert OPERATORS.dismiss_suggestions() == {"FINISHED"} and frames(scene) == [2, 5, 8]
+    assert not len(settings.marks.suggested)

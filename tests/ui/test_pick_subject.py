@@ -86,7 +86,7 @@ def test_a_stroke_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
         OPERATORS.pick_subject(places="0.5,0.5")
     assert not len(settings.subjects.items)
     with pytest.raises(RuntimeError, match="no person was found in the clip; pick what should be in focus"):
-        OPERATORS.follow_nearest()
+        OPERATORS.suggest_marks()
     for operator in (OPERATORS.focus_subject, OPERATORS.carry_subject, OPERATORS.remove_subject):
         with pytest.raises(RuntimeError, match="No subject is marked; Pick Subject marks one"):
             operator()
@@ -122,7 +122,7 @@ def test_names_tell_subjects_from_each_other(
 
 def test_the_panel_lists_subjects(scene: bpy.types.Scene, settings: bpy.types.PropertyGroup) -> None:
     panel = panels.focus.VIRTUAL_APERTURE_PT_subjects
-    assert draw(panel).operators == ["virtual_aperture.pick_subject", "virtual_aperture.follow_nearest"]
+    assert draw(panel).operators == ["virtual_aperture.pick_subject", "virtual_aperture.suggest_marks"]
     OPERATORS.pick_subject(places="0.5,0.5 0.6,0.6")
     settings.subjects.items[0].unsure = "2 3"
     shown = draw(panel)

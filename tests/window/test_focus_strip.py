@@ -117,3 +117,26 @@ def test_escape_leaves_the_mark(program: Program) -> None:
     screen._xdotool("mouseup", "1")
     program.wait(f"not ({DRAGGING})")
     assert [frame for frame, _ in program.ask(MARKS)] == [3, 20]
+
+
+def test_a_click_takes_a_suggestion_and_undo_gives_it_back(program: Program) -> None:
+    program.ask(
+        f"from dataclasses import replace\nimport sys\nsettings = {SETTINGS}\n"
+        "made = replace(settings.marks.items[0].value, frame=12, name='Face enters')\n"
+        f"sys.modules['{EXTENSION}.addon.scene.focus.focus_marks'].suggest(settings, [made])\n"
+        "bpy.ops.ed.undo_push(message='Suggest')\n"
+        "view('VIEW_3D')['area'].tag_redraw()\nNone"
+    )
+    program.settle()
+    program.shot("suggested")
+    *_, suggested, down = strip(program, "found.middles")
+    assert [frame for frame, _ in program.ask(MARKS)] == [3, 20]
+    program.screen.click(suggested, down)
+    program.wait(f"[m[0] for m in {MARKS}] == [3, 12, 20]")
+    assert program.ask(FRAME) == 12 and program.ask(f"len({SETTINGS}.marks.suggested)") == 0
+    program.settle()
+    program.shot("taken")
+    program.screen.move(*program.middle("VIEW_3D"))
+    program.screen.key("ctrl+z")
+    program.wait(f"[m[0] for m in {MARKS}] == [3, 20]")
+    assert program.ask(f"len({SETTINGS}.marks.suggested)") == 1

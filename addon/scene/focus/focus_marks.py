@@ -107,6 +107,7 @@ class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
     """The list of focus marks, in the order of their frames."""
 
     items: CollectionProperty(type=VirtualApertureFocusMark)
+    suggested: CollectionProperty(type=VirtualApertureFocusMark)
     active: IntProperty(name="Active Focus Mark", options={"HIDDEN"})
     written: hidden(
         StringProperty, "Written", "Digest of the keyframes written by the marks; empty if there are none"
@@ -149,8 +150,14 @@ def replace_all(
         items.remove(len(items) - 1)
     for number, mark in enumerate(order):
         (items[number] if number < len(items) else items.add()).fill(mark)
-    group.active = next((number for number, mark in enumerate(order) if mark.frame == active), 0)
+    group.active = 0
+    activate(group, active)
     write(settings)
+
+
+def activate(group: bpy.types.PropertyGroup, frame: int | None) -> None:
+    """Make the mark at a frame the active one, if one is there."""
+    group.active = next((n for n, mark in enumerate(group.items) if mark.frame == frame), group.active)
 
 
 def put(
@@ -214,8 +221,25 @@ def remove(settings: bpy.types.PropertyGroup, index: int) -> None:
 
 
 def clear(settings: bpy.types.PropertyGroup) -> None:
-    """Remove the marks and their keys; the caller sets the focus."""
+    """Remove the marks and their keys, and the suggestions; the caller sets the focus."""
+    settings.marks.suggested.clear()
     replace_all(settings, [])
+
+
+def suggest(settings: bpy.types.PropertyGroup, marks: Iterable[FocusMark]) -> None:
+    """Replace the suggested marks, which are not in focus until they are taken."""
+    settings.marks.suggested.clear()
+    for mark in marks:
+        settings.marks.suggested.add().fill(mark)
+
+
+def take(settings: bpy.types.PropertyGroup, frames: Sequence[int]) -> None:
+    """Make the suggestions at frames marks, but where there are marks; write the focus."""
+    group = settings.marks
+    taken = {each.frame: replace(each.value, name="") for each in group.suggested if each.frame in frames}
+    own = {} if group.is_first else {mark.frame: mark for mark in marks_of(settings)}
+    suggest(settings, [each.value for each in group.suggested if each.frame not in frames])
+    replace_all(settings, (taken | own).values(), frames[0])
 
 
 def are_keys_users(settings: bpy.types.PropertyGroup) -> bool:

@@ -5,14 +5,14 @@ import bpy
 from ...core.base.counting import counted
 from ...core.base.errors import UserError
 from ...core.focus.place import Place
-from ...scene.base.timeline import clip_frame, go_to
+from ...scene.base.timeline import clip_frame
 from ...scene.focus import focus_curve, focus_marks
 from ...scene.focus.kept_marks import at_distance
 from ...scene.lens import blender_focus
 from ...scene.lens.depth_of_field import length_words
-from ..base.operators import Acts, Edits, has_focus, has_solve, is_met, may_change, polls, requires
+from ..base.operators import Edits, has_focus, has_solve, is_met, may_change, polls, requires
 from ..base.text import list_row
-from ..jobs.report_list import draw_jump
+from ..jobs.report_list import VIRTUAL_APERTURE_OT_jump_to_frame, draw_jump
 from ..picking.pick_vertices import focus_on
 from . import thumbnails
 
@@ -48,9 +48,7 @@ class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
     ) -> None:  # fmt: skip
         here = clip_frame(context.scene) == mark.frame
         row = layout.split(factor=FRAME, align=True)
-        jump = row.operator(
-            VIRTUAL_APERTURE_OT_jump_to_focus_mark.bl_idname, text=str(mark.frame), depress=here
-        )
+        jump = row.operator(VIRTUAL_APERTURE_OT_jump_to_frame.bl_idname, text=str(mark.frame), depress=here)
         jump.frame = mark.frame
         row = row.split(factor=NAME, align=True)
         # A list's rows are of one height, and an icon is as large as fits; the strip has larger ones.
@@ -110,22 +108,6 @@ class VIRTUAL_APERTURE_OT_move_focus_mark(ChangesMarks, bpy.types.Operator):  # 
         before = settings.marks.items[settings.marks.active].frame
         focus_marks.move(settings, settings.marks.active, frame)
         return f"Moved the focus mark from frame {before} to frame {frame}"
-
-
-class VIRTUAL_APERTURE_OT_jump_to_focus_mark(Acts, bpy.types.Operator):  # noqa: N801
-    """Go to this focus mark's frame"""
-
-    bl_label = "Jump to Focus Mark"
-    bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
-
-    frame: bpy.props.IntProperty(name="Frame", options={"SKIP_SAVE"})
-
-    poll = polls(has_solve, has_marks)
-
-    def act(self, context: bpy.types.Context) -> None:
-        group = context.scene.virtual_aperture.marks
-        go_to(context.scene, self.frame)
-        group.active = next((n for n, m in enumerate(group.items) if m.frame == self.frame), group.active)
 
 
 class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  # noqa: N801

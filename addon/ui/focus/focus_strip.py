@@ -1,4 +1,4 @@
-"""The focus strip: thumbnails of the focus marks over the scene's frames, at the bottom of the camera view.
+"""The focus strip: thumbnails of the focus marks, and of suggested ones, at the bottom of the camera view.
 
 A handler draws it, so that it is visible during playback, too. An invisible gizmo takes clicks and drags on
 thumbnails only: other uses of the mouse in the view are unchanged.
@@ -31,7 +31,8 @@ TEXT = 10
 """Points."""
 SLACK = 4
 """Pixels that the mouse moves before a click is a drag, at a resolution scale of 1. Blender's own are 3."""
-GREY = (0.75, 0.75, 0.75, 1.0)
+GREY, AMBER = (0.75, 0.75, 0.75, 1.0), (1.0, 0.7, 0.2, 1.0)
+"""Colours of marks, and of suggested ones."""
 PICKERS = {"VIRTUAL_APERTURE_OT_pick_focus", "VIRTUAL_APERTURE_OT_pick_subject"}
 """Operators whose clicks go to the picture, which the strip would cover."""
 
@@ -69,7 +70,9 @@ class Strip:
     first: int
     last: int
     frames: tuple[int, ...]
-    """Those of the marks, ascending."""
+    """Those of `marks_shown`."""
+    own: int
+    """Number of the user's marks among them, which come first."""
     middles: Floats
     """(n,) of the marks' thumbnails: at their frames, or beside them where two would cover each other."""
 
@@ -78,11 +81,14 @@ class Strip:
         """Return the strip of a scene's marks between two pixels."""
         margin = (EDGE + SIDE / 2) * scale
         left, right = low + margin, max(high - margin, low + margin + 1)
-        frames = tuple(mark.frame for mark in scene.virtual_aperture.marks.items)
-        bare = cls(left, right, bottom, scale, scene.frame_start, scene.frame_end, frames, np.zeros(0))
-        places = [bare.place_of(frame) for frame in frames]
-        middles = spread(places, (SIDE + GAP) * scale, left, right)
-        return cls(left, right, bottom, scale, bare.first, bare.last, frames, middles)
+        marks, group = marks_shown(scene.virtual_aperture), scene.virtual_aperture.marks
+        frames, own = tuple(mark.frame for mark in marks), len(marks) - len(group.suggested)
+        middles, ends = np.zeros(len(frames)), (scene.frame_start, scene.frame_end)
+        strip = cls(left, right, bottom, scale, *ends, frames, own, middles)
+        order = np.argsort(frames, kind="stable")
+        places = [strip.place_of(frames[n]) for n in order]
+        middles[order] = spread(places, (SIDE + GAP) * scale, left, right)
+        return strip
 
     @property
     def track(self) -> float:
@@ -117,15 +123,20 @@ class Strip:
         return nearest if away[nearest] <= SIDE / 2 * self.scale else None
 
 
+def marks_shown(settings: bpy.types.PropertyGroup) -> list[bpy.types.PropertyGroup]:
+    """Return the marks that the user has picked, in their order, and then the suggested ones."""
+    return [*(() if settings.marks.is_first else settings.marks.items), *settings.marks.suggested]
+
+
 def strip_of(context: bpy.types.Context) -> Strip | None:
     """Return the strip of a 3D viewport; None where there is none.
 
-    There is none outside of the solved camera's view, without overlays, before the first mark is picked, and
-    during a pick.
+    There is none outside of the solved camera's view, without overlays, before the first mark is picked or
+    suggested, and during a pick.
     """
     scene, space, region, view = context.scene, context.space_data, context.region, context.region_data
     settings = scene.virtual_aperture
-    if not (len(settings.marks.items) and space.overlay.show_overlays) or settings.marks.is_first:
+    if not (space.overlay.show_overlays and marks_shown(settings)):
         return None
     looked = space.camera if space.use_local_camera else scene.camera
     if view is None or view.view_perspective != "CAMERA" or looked is None or looked != settings.camera:
@@ -143,7 +154,7 @@ def strip_of(context: bpy.types.Context) -> Strip | None:
 
 
 class VIRTUAL_APERTURE_OT_drag_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
-    """Click to go to this focus mark, drag to move it to another frame"""
+    """Click to go to this focus mark or to take a suggestion, drag to move a mark to another frame"""
 
     bl_label = "Drag Focus Mark"
     # Not REGISTER: the panel of a redo would cover the strip.
@@ -170,6 +181,9 @@ class VIRTUAL_APERTURE_OT_drag_focus_mark(ChangesMarks, bpy.types.Operator):  # 
         found = self._strip.mark_at(x, y) if self._strip is not None else None
         if self._strip is None or found is None:
             return {"CANCELLED"}
+        if found >= self._strip.own:
+            taken: Result = bpy.ops.virtual_aperture.take_suggestion(frame=self._strip.frames[found])
+            return taken
         self.index, self._begun, self._area, self._moves = found, x, context.area, False
         self._from = self.frame = self._strip.frames[found]
         context.window_manager.modal_handler_add(self)
@@ -211,8 +225,7 @@ class VIRTUAL_APERTURE_OT_drag_focus_mark(ChangesMarks, bpy.types.Operator):  # 
     def _drop(self, context: bpy.types.Context) -> Result:
         self._end(context)
         done = self.execute(context) if self.frame != self._from else {"FINISHED"}
-        group = context.scene.virtual_aperture.marks
-        group.active = next((n for n, m in enumerate(group.items) if m.frame == self.frame), group.active)
+        focus_marks.activate(context.scene.virtual_aperture.marks, self.frame)
         go_to(context.scene, self.frame)
         return done
 
@@ -270,10 +283,11 @@ def draw() -> None:
     now = strip.place_of(clip_frame(context.scene))
     line([(now, strip.track - 4 * scale), (now, strip.track + 6 * scale)], GREEN, 2 * scale)
     dragged = VIRTUAL_APERTURE_OT_drag_focus_mark.dragged
-    order = sorted(range(len(strip.frames)), key=lambda n: n == settings.marks.active)
+    marks = marks_shown(settings)
+    order = sorted(range(len(marks)), key=lambda n: n == settings.marks.active)
     for n in order:
-        mark, middle = settings.marks.items[n], float(strip.middles[n])
-        frame, colour = mark.frame, WHITE if n == settings.marks.active else GREY
+        mark, middle = marks[n], float(strip.middles[n])
+        frame, colour = mark.frame, AMBER if n >= strip.own else WHITE if n == settings.marks.active else GREY
         if dragged is not None and dragged[0] == frame:
             frame, colour = dragged[1], GREEN
             middle = strip.place_of(frame)

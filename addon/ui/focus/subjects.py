@@ -10,12 +10,16 @@ from ...core.base.counting import counted
 from ...core.base.errors import UserError
 from ...core.base.progress import part
 from ...core.focus.place import Place
-from ...core.frame.nearest_person import nearest_person
+from ...core.focus.pull import FocusMark
+from ...core.frame.nearest_person import directed
 from ...core.frame.repaired_depth import repaired_subject
 from ...core.frame.repairs import Repair
 from ...core.subjects.carried import UNSURE
 from ...scene.base import redraw
-from ...scene.base.timeline import clip_frame
+from ...scene.base.timeline import clip_frame, go_to
+from ...scene.focus import focus_marks
+from ...scene.lens import blender_focus
+from ...scene.lens.depth_of_field import length_words
 from ...scene.lens.repairs import repairs_of
 from ...scene.sources import subjects
 from ...scene.sources.shot import Shot, shot_of
@@ -25,6 +29,7 @@ from ..base.work import WorksMeanwhile
 from ..jobs.report_list import draw_jump
 from ..picking.pick_subject import VIRTUAL_APERTURE_OT_pick_subject
 from ..picking.pick_vertices import ADD_MARK, focus_on
+from . import thumbnails
 
 
 class VIRTUAL_APERTURE_UL_subjects(bpy.types.UIList):  # noqa: N801
@@ -42,6 +47,10 @@ class VIRTUAL_APERTURE_UL_subjects(bpy.types.UIList):  # noqa: N801
 has_subject = requires(
     lambda context: subjects.active(context.scene.virtual_aperture),
     "No subject is marked; Pick Subject marks one",
+)
+has_suggestions = requires(
+    lambda context: len(context.scene.virtual_aperture.marks.suggested),
+    "There are no suggestions; Suggest Focus Marks makes some",
 )
 no_other = requires(lambda _: not WorksMeanwhile._under_way, "Another subject is being worked on")
 
@@ -85,22 +94,55 @@ class VIRTUAL_APERTURE_OT_focus_subject(WorksOnActive, bpy.types.Operator):  # n
         return focus_on(scene.virtual_aperture, self._frame, [found], self.add)
 
 
-class VIRTUAL_APERTURE_OT_follow_nearest(WorksMeanwhile, bpy.types.Operator):  # noqa: N801
-    """Focus on the nearest person in every frame, and go over smoothly where another one comes nearer"""
+class VIRTUAL_APERTURE_OT_suggest_marks(WorksMeanwhile, bpy.types.Operator):  # noqa: N801
+    """Suggest focus marks on the nearest person, and where one enters or turns away. The focus stays until
+    you take a suggestion"""
 
-    bl_label = "Follow Nearest Person"
+    bl_label = "Suggest Focus Marks"
     bl_options = {"UNDO"}  # noqa: RUF012
-    doing = "Finding people in all frames"
+    doing = "Finding people and faces in all frames"
 
     poll = polls(may_change, has_solve, no_other)
 
-    def work(self, context: bpy.types.Context) -> Callable[[], Place]:
-        shot = shot_of(context.scene)
-        self._frame = shot.reconstruction.image_at(clip_frame(context.scene))[0].frame
-        return partial(nearest_place, shot, self._frame, repairs_of(context.scene.virtual_aperture))
+    def work(self, context: bpy.types.Context) -> Callable[[], list[FocusMark]]:
+        return partial(suggestions, shot_of(context.scene), repairs_of(context.scene.virtual_aperture))
 
-    def finish(self, scene: bpy.types.Scene, found: Place) -> str:
-        return focus_on(scene.virtual_aperture, self._frame, [found])
+    def finish(self, scene: bpy.types.Scene, found: list[FocusMark]) -> str:
+        focus_marks.suggest(scene.virtual_aperture, found)
+        redraw.panels()
+        return f"{counted(len(found), 'suggestion')}; click one to make it a focus mark"
+
+
+class VIRTUAL_APERTURE_OT_take_suggestion(Acts, bpy.types.Operator):  # noqa: N801
+    """Make the suggestion at this frame a focus mark"""
+
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    frame: bpy.props.IntProperty(name="Frame", options={"SKIP_SAVE"})
+    every: bpy.props.BoolProperty(name="All", description="Take all suggestions", options={"SKIP_SAVE"})
+
+    poll = polls(may_change, has_solve, has_suggestions)
+
+    def act(self, context: bpy.types.Context) -> str:
+        settings = context.scene.virtual_aperture
+        frames = [mark.frame for mark in settings.marks.suggested if self.every or mark.frame == self.frame]
+        if not frames:
+            raise UserError(f"nothing is suggested at frame {self.frame}")
+        blender_focus.release(settings)
+        focus_marks.take(settings, frames)
+        go_to(context.scene, frames[0])
+        return f"{counted(len(settings.marks.items), 'focus mark')}"
+
+
+class VIRTUAL_APERTURE_OT_dismiss_suggestions(Acts, bpy.types.Operator):  # noqa: N801
+    """Remove the suggestions. Focus marks stay"""
+
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    poll = polls(has_suggestions)
+
+    def act(self, context: bpy.types.Context) -> None:
+        focus_marks.suggest(context.scene.virtual_aperture, [])
 
 
 class VIRTUAL_APERTURE_OT_carry_subject(WorksOnActive, bpy.types.Operator):  # noqa: N801
@@ -129,9 +171,9 @@ def subject_place(shot: Shot, name: str, frame: int, repairs: Sequence[Repair]) 
     return repaired_subject(shot.context, name, frame, repairs)
 
 
-def nearest_place(shot: Shot, frame: int, repairs: Sequence[Repair]) -> Place:
-    """Return the focus on the nearest person; errors as of `nearest_person`."""
-    return nearest_person(shot.context, frame, repairs)
+def suggestions(shot: Shot, repairs: Sequence[Repair]) -> list[FocusMark]:
+    """Return the suggested focus marks; errors as of `directed`."""
+    return directed(shot.context, repairs)
 
 
 def unsure_frames(shot: Shot, name: str) -> list[int]:
@@ -171,7 +213,18 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.virtual_aperture
     group = settings.subjects
     layout.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, icon="BRUSH_DATA")
-    layout.operator(VIRTUAL_APERTURE_OT_follow_nearest.bl_idname, icon="COMMUNITY")
+    layout.operator(VIRTUAL_APERTURE_OT_suggest_marks.bl_idname, icon="COMMUNITY")
+    column = layout.column(align=True)
+    for mark in settings.marks.suggested:
+        words = f"{mark.frame}: {mark.name}, {length_words(settings, mark.distance)}"
+        name = VIRTUAL_APERTURE_OT_take_suggestion.bl_idname
+        column.operator(name, text=words, icon_value=thumbnails.icon(settings, mark)).frame = mark.frame
+    if len(settings.marks.suggested):
+        row = column.row(align=True)
+        row.operator(
+            VIRTUAL_APERTURE_OT_take_suggestion.bl_idname, text="Take All", icon="CHECKMARK"
+        ).every = True
+        row.operator(VIRTUAL_APERTURE_OT_dismiss_suggestions.bl_idname, text="Dismiss", icon="X")
     if not len(group.items):
         return
     side = list_row(layout, "subjects", group).column(align=True)

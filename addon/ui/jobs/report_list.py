@@ -7,6 +7,7 @@ import bpy
 from ...core.base.counting import ranges
 from ...render.views import frame_notes
 from ...scene.base.timeline import clip_frame, go_to
+from ...scene.focus import focus_marks
 from ..base.operators import Acts
 from ..base.text import wrapped
 
@@ -26,6 +27,7 @@ class VIRTUAL_APERTURE_OT_jump_to_frame(Acts, bpy.types.Operator):  # noqa: N801
 
     def act(self, context: bpy.types.Context) -> None:
         go_to(context.scene, self.frame)
+        focus_marks.activate(context.scene.virtual_aperture.marks, self.frame)
 
 
 def next_of(frames: Sequence[int], now: int) -> int:

@@ -10,9 +10,9 @@ from ...scene.base.timeline import clip_frame
 from ...scene.lens import blender_focus, depth_of_field, lens
 from ..base import solving
 from ..base.text import is_narrow, progress_row, wrapped
-from ..focus import focus_list, lens_amount
+from ..focus import lens_amount
 from ..footage import file_import, photos, solve
-from ..jobs import depth_ahead, first_person, movie, render_clip
+from ..jobs import depth_ahead, first_person, movie, render_clip, report_list
 from ..picking import pick_focus, pick_vertices, set_scale
 from . import live_preview, notices, render
 from .panel import PRIMARY, Panel, split
@@ -139,7 +139,7 @@ def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         row.label(text="Focus at" if has_words else "", icon="NONE" if has_words else "KEYFRAME_HLT")
     for mark in marks[:MOST_MARKS] if len(marks) > 1 else ():
         jump = row.operator(
-            focus_list.VIRTUAL_APERTURE_OT_jump_to_focus_mark.bl_idname, text=str(mark.frame),
+            report_list.VIRTUAL_APERTURE_OT_jump_to_frame.bl_idname, text=str(mark.frame),
             depress=mark.frame == frame,
         )  # fmt: skip
         jump.frame = mark.frame

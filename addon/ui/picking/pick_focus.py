@@ -17,6 +17,12 @@ from .pick_vertices import ADD_MARK, focus_on
 from .pick_view import XY
 
 
+def _share(name: str, description: str) -> bpy.props.FloatProperty:
+    return bpy.props.FloatProperty(
+        name=name, description=description, min=0, max=1, default=0.5, options={"SKIP_SAVE"}
+    )
+
+
 class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: N801
     """Click what should be in focus at the current frame, in the camera view.
 
@@ -29,22 +35,8 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
         description="The mouse is over the place: take it, and end",
         options={"SKIP_SAVE", "HIDDEN"},
     )
-    x: bpy.props.FloatProperty(
-        name="X",
-        description="Position from the left, as a fraction of the image width",
-        min=0,
-        max=1,
-        default=0.5,
-        options={"SKIP_SAVE"},
-    )
-    y: bpy.props.FloatProperty(
-        name="Y",
-        description="Position from the top, as a fraction of the image height",
-        min=0,
-        max=1,
-        default=0.5,
-        options={"SKIP_SAVE"},
-    )
+    x: _share("X", "Position from the left, as a fraction of the image width")  # type: ignore[valid-type]
+    y: _share("Y", "Position from the top, as a fraction of the image height")  # type: ignore[valid-type]
 
     hint = "Click: Set    Shift Click: Add Place    Ctrl Click: Remove Place    Enter: Confirm    ESC: Cancel"
 
