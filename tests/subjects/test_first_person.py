@@ -162,7 +162,7 @@ def test_a_director_names_its_reasons() -> None:
     assert cast(gone, faces).reason(middle, 1, 0) == "Other leaves"
     # The first one turns away from the camera, or the second one to it.
     assert cast(shown, gone).reason(middle, 1, 0) == "Other turns away"
-    assert cast(shown, late & [[False], [True]]).reason(middle, 1, 0) == "Turns around"
+    assert cast(shown, late & [[False], [True]]).reason(middle, 1, 0) == "Face is seen"
 
 
 def test_without_people_a_moving_object_is_in_focus() -> None:

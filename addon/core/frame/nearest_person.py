@@ -111,7 +111,7 @@ class _Cast:
             return "Other leaves"
         if self.faces[before, soon] >= self.faces[person, start]:
             return "Comes nearer"
-        return "Other turns away" if self.faces[before, earlier] else "Turns around"
+        return "Other turns away" if self.faces[before, earlier] else "Face is seen"
 
 
 def _cast(clip: ClipContext, repairs: Sequence[Repair], by_faces: bool) -> _Cast:
