@@ -61,3 +61,8 @@ def _into(file: IO[bytes], descriptor: int) -> Iterator[None]:
     finally:
         os.dup2(kept, descriptor)
         os.close(kept)
+
+
+def words_of(task: list[str]) -> list[str]:
+    """What follows the program in the command of a farm's task."""
+    return task[task.index(str(HEADLESS)) + 1 :]

@@ -24,6 +24,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from queue import Empty, Queue
+from typing import Any
 
 from .. import store
 from .first_frames import lengthened
@@ -54,23 +55,34 @@ def digest(frames: Path) -> str:
     return found.hexdigest()
 
 
-def tasks(bundle: Path, openjd: str | None) -> list[list[str]]:
-    """Return the commands of a job's tasks: `openjd run` of each, or what it would run."""
-    template = json.loads((bundle / "template.json").read_text())
-    values = {f"Param.{each['name']}": each["default"] for each in template["parameterDefinitions"]}
-    values |= {f"Param.{name}": str(bundle / values[f"Param.{name}"]) for name in ("Input", "Output")}
-    step = next(each for each in template["steps"] if each["name"] == "Render")
-    space = step["parameterSpace"]["taskParameterDefinitions"][0]
-    run = step["script"]["actions"]["onRun"]
-    found = []
-    for value in space["range"]:
-        words = [run["command"], *run["args"]]
-        for name, given in (values | {f"Task.Param.{space['name']}": value}).items():
-            words = [word.replace(f"{{{{{name}}}}}", given) for word in words]
-        task = json.dumps([{space["name"]: value}])
-        by_program = [openjd or "", "run", str(bundle / "template.json"), "--step", "Render", "--tasks", task]
-        found.append(by_program if openjd else words)
+def tasks(job: dict[str, Any], bundle: Path) -> dict[str, list[list[str]]]:
+    """The commands of each step as a scheduler runs them, with the bundle where it lies now."""
+    values = {each["name"]: each["default"] for each in job["parameterDefinitions"]}
+    values |= {name: str(bundle / values[name]) for name in ("Input", "Output")}
+    found = dict[str, list[list[str]]]()
+    for step in job["steps"]:
+        run = step["script"]["actions"]["onRun"]
+        space = step.get("parameterSpace", {}).get("taskParameterDefinitions", [{"name": "", "range": [""]}])[
+            0
+        ]
+        found[step["name"]] = commands = []
+        for value in space["range"]:
+            given = {f"Param.{name}": each for name, each in values.items()} | {
+                f"Task.Param.{space['name']}": value
+            }
+            words = [run["command"], *run["args"]]
+            for name, each in given.items():
+                words = [word.replace(f"{{{{{name}}}}}", each) for word in words]
+            commands.append(words)
     return found
+
+
+def by_openjd(openjd: str, job: dict[str, Any], bundle: Path) -> list[list[str]]:
+    """Return the command `openjd run` for each task that renders."""
+    step = next(each for each in job["steps"] if each["name"] == "Render")
+    space = step["parameterSpace"]["taskParameterDefinitions"][0]
+    words = [openjd, "run", str(bundle / "template.json"), "--step", "Render", "--tasks"]
+    return [[*words, json.dumps([{space["name"]: value}])] for value in space["range"]]
 
 
 def worked(commands: list[list[str]], workers: int, kill: bool) -> None:
@@ -124,7 +136,8 @@ def runs(clip: RealClip, counts: list[int], openjd: str | None) -> Iterator[tupl
         clip.forget()
         bundle = clip.folder / f"job-{workers}-{kill}"
         program("farm", clip.work, *LENS[:-1], "--chunk", CHUNK, "--out", bundle)
-        commands = tasks(bundle, openjd)
+        job = json.loads((bundle / "template.json").read_text())
+        commands = by_openjd(openjd, job, bundle) if openjd else tasks(job, bundle)["Render"]
         wall, cpu = timed(lambda: worked(commands, workers, kill))  # noqa: B023
         name = f"{len(commands)} tasks, {workers} workers" + (", one of them killed once" if kill else "")
         yield name, wall, cpu, digest(bundle / "output" / "frames")

@@ -23,11 +23,11 @@ from addon.core.media.clip import FrameRange, open_footage
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
 from addon.render.processes import jobs
+from benchmarks.timings.workers import tasks
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents, file_limit
 
-from ..command_line import HEADLESS, done, headless, here
-from ..farm_jobs import tasks, words_of
+from ..command_line import HEADLESS, done, headless, here, words_of
 from ..movies import assert_same, frames_of_sound
 from ..waiting import until
 

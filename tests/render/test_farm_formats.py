@@ -18,8 +18,7 @@ from addon.cli.farm_formats import FORMATS
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents
 
-from ..command_line import done, here
-from ..farm_jobs import words_of
+from ..command_line import done, here, words_of
 from ..movies import assert_same
 
 LENS = ("--focus-distance", "7", "--blur", "0.05", "--method", "features", "--views", "4")
