@@ -93,6 +93,8 @@ class Program:
         self._folder = resources.parent / f"{resources.name}.window"
         self._folder.mkdir(exist_ok=True)
         self.console = self._folder / "console.txt"
+        self.console.touch()
+        self.forget_said()
         where = self._folder / f"{time.monotonic_ns()}"
         listener = socket.socket(socket.AF_UNIX)
         listener.bind(str(where))
@@ -125,8 +127,12 @@ class Program:
         self._process.wait(30 * SLOWER)
 
     def said(self) -> str:
-        """What Blender printed."""
-        return self.console.read_text(errors="replace")
+        """What Blender printed since its start, or since `forget_said`."""
+        return self.console.read_bytes()[self._before :].decode(errors="replace")
+
+    def forget_said(self) -> None:
+        """Leave out of `said` what has been printed: by other programs, or by an error that is provoked."""
+        self._before = self.console.stat().st_size
 
     # Asking
 

@@ -126,6 +126,7 @@ def test_what_fails_while_drawing_is_said_and_written_nowhere(program: Program, 
     said = [line for line in program.ask("messages()")[heard:] if "provoked while drawing" in line]
     back_to_viewport(program)
     program.shot(f"{shot}_viewport")
+    program.forget_said()
     assert said, "nothing is said"
     assert not any("Traceback" in line for line in said)
     assert "write" not in report
