@@ -27,6 +27,7 @@ from ...scene.base.remedy_words import WORDS
 from ...scene.base.timeline import clip_frame
 from ...scene.lens.lens import frame_options
 from ...scene.sources.clip import WHILE_PLAYED
+from ...scene.sources.colour_space import DrawingError
 from ...scene.sources.shot import picture_size, shot_of
 from ..cg import cg_preview
 from ..processes.clip_process import CLIP
@@ -91,6 +92,8 @@ def draw(
     try:
         wanted = _wanted(context, depsgraph, shown.frame[2])
     except UserError as error:
+        if isinstance(error, DrawingError):
+            watch(_open, 0)
         said = error.worded(WORDS)
         shown.picture, shown.said = None, said[:1].upper() + said[1:]
         return
@@ -298,6 +301,14 @@ def _tick() -> float | None:
         _shown[0] = PREVIEW.version, now
         redraw.viewports("RENDERED")
     return LOOK if PREVIEW.is_busy() or PREVIEW.waits else None
+
+
+def _open() -> None:
+    """A timer's turn: open the clips of windows, which cannot be opened while they are drawn."""
+    for window in bpy.context.window_manager.windows:
+        with contextlib.suppress(UserError):  # `draw`, which follows, reports the error
+            shot_of(window.scene)
+    redraw.viewports("RENDERED")
 
 
 def end() -> None:

@@ -55,6 +55,10 @@ def checked(name: str) -> str:
     return known[name.casefold()]
 
 
+class DrawingError(UserError):
+    """A color space is taken apart for the first time while Blender draws, which allows no writing."""
+
+
 def space_of(settings: bpy.types.PropertyGroup, footage: Footage) -> ColourSpace | None:
     """Return the colour space of a clip by the user's setting, else by its tags; UserError if it is unusable.
 
@@ -143,7 +147,10 @@ def _converted(picture: NDArray[np.uint16], name: str) -> Floats:
     image = bpy.data.images.new("Virtual Aperture Color Space", width, height)
     try:
         image.pack(data=packed, data_len=len(packed))  # type: ignore[arg-type]
-        image.source = "FILE"
+        try:
+            image.source = "FILE"
+        except AttributeError:
+            raise DrawingError(f"the color space {name} is being read") from None
         image.colorspace_settings.name = name
         light = np.empty(height * width * 4, np.float32)
         image.pixels.foreach_get(light)  # type: ignore[arg-type]
