@@ -81,8 +81,9 @@ def test_a_cancelled_call_ends_before_the_next(worker: Worker, waits: None) -> N
     first, second, third = worker.call(wait), worker.call(wait), worker.call(partial(describe, (1,)))
     until(lambda: worker.poll() is not None and first.shown and first.share)
     assert (first.shown, first.stage, first.share, first.ended) == (["begun"], "Waiting", 0.25, False)
-    first.cancel()
+    # The other way round the second one may begin between the two.
     second.cancel()
+    first.cancel()
     until(lambda: worker.poll() is not None and third.ended)
     assert third.result() == "frame 1" and second.shown == []
     assert not [*worker.folder.iterdir()]
