@@ -56,15 +56,14 @@ def digest(frames: Path) -> str:
 
 
 def tasks(job: dict[str, Any], bundle: Path) -> dict[str, list[list[str]]]:
-    """The commands of each step as a scheduler runs them, with the bundle where it lies now."""
+    """Return the commands of each step as a scheduler runs them, with the bundle where it lies now."""
     values = {each["name"]: each["default"] for each in job["parameterDefinitions"]}
     values |= {name: str(bundle / values[name]) for name in ("Input", "Output")}
     found = dict[str, list[list[str]]]()
     for step in job["steps"]:
         run = step["script"]["actions"]["onRun"]
-        space = step.get("parameterSpace", {}).get("taskParameterDefinitions", [{"name": "", "range": [""]}])[
-            0
-        ]
+        spaces = step.get("parameterSpace", {}).get("taskParameterDefinitions")
+        space = spaces[0] if spaces else {"name": "", "range": [""]}
         found[step["name"]] = commands = []
         for value in space["range"]:
             given = {f"Param.{name}": each for name, each in values.items()} | {

@@ -114,7 +114,7 @@ class VIRTUAL_APERTURE_OT_suggest_marks(WorksMeanwhile, bpy.types.Operator):  # 
 
 
 class VIRTUAL_APERTURE_OT_take_suggestion(Acts, bpy.types.Operator):  # noqa: N801
-    """Make the suggestion at this frame a focus mark"""
+    """Make this suggestion a focus mark, or all of them. Frames that have a mark keep it"""
 
     bl_options = {"UNDO"}  # noqa: RUF012
 
@@ -131,7 +131,7 @@ class VIRTUAL_APERTURE_OT_take_suggestion(Acts, bpy.types.Operator):  # noqa: N8
         blender_focus.release(settings)
         focus_marks.take(settings, frames)
         go_to(context.scene, frames[0])
-        return f"{counted(len(settings.marks.items), 'focus mark')}"
+        return counted(len(settings.marks.items), "focus mark")
 
 
 class VIRTUAL_APERTURE_OT_dismiss_suggestions(Acts, bpy.types.Operator):  # noqa: N801
